@@ -1,0 +1,97 @@
+//! `app`: from features to colour, with weights that are data.
+
+use crate::branch::{encoding_weights, kaiming};
+use crate::config::EncodingConfig;
+use crate::encoding::{Positions, encode, frequencies, matrix};
+use burn::tensor::{Device, Tensor};
+use impasto_kernels::{Activation, MlpSpec, ops};
+use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
+
+/// Sizes of `app`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AppearanceConfig {
+    /// Hidden widths.
+    pub hidden: Vec<usize>,
+    /// LayerNorm before each hidden relu (the paper's choice for predicted weights).
+    pub layer_norm: bool,
+    /// Octaves of the unit view direction that `app` sees; `None` hides the direction.
+    pub view_bands: Option<usize>,
+    /// A position encoding of `app`'s own, learned with it and shared by all styles: where brush
+    /// strokes live that the smooth base features cannot place.
+    pub canvas: Option<EncodingConfig>,
+}
+
+impl AppearanceConfig {
+    /// Layers of `app` on features of width `features` and positions of `dimensions` coordinates.
+    pub fn spec(&self, features: usize, dimensions: usize) -> MlpSpec {
+        let view = self.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));
+        let canvas = self.canvas.as_ref().map_or(0, |c| c.outputs(dimensions));
+        let mut widths = vec![features + view + canvas];
+        widths.extend(&self.hidden);
+        widths.push(3);
+        MlpSpec::relu(&widths, self.layer_norm, Activation::Sigmoid)
+    }
+}
+
+/// Weights of the canvas encoding in both volumes.
+#[derive(Debug, Clone)]
+pub struct Canvas {
+    /// Inner volume.
+    pub inner: Tensor<1>,
+    /// Outer volume.
+    pub outer: Tensor<1>,
+}
+
+/// Everything that turns features into colours: W^app of both volumes.
+#[derive(Debug, Clone)]
+pub struct Appearance {
+    /// Sizes.
+    pub config: AppearanceConfig,
+    /// W^app of the inner volume, flat.
+    pub inner: Tensor<1>,
+    /// W^app of the outer volume, flat.
+    pub outer: Tensor<1>,
+    /// The canvas encoding's weights, where the configuration has one.
+    pub canvas: Option<Canvas>,
+}
+
+impl Appearance {
+    /// Random weights.
+    pub fn init(config: AppearanceConfig, features: [usize; 2], rng: &mut Pcg64, device: &Device) -> Self {
+        Self {
+            inner: kaiming(&config.spec(features[0], 3), rng, device),
+            outer: kaiming(&config.spec(features[1], 4), rng, device),
+            canvas: config.canvas.as_ref().map(|c| Canvas {
+                inner: encoding_weights(c, rng, device),
+                outer: encoding_weights(c, rng, device),
+            }),
+            config,
+        }
+    }
+}
+
+/// Colours of one volume's samples.
+///
+/// # Shapes
+/// `features`: `[n, f]`; `views`: `n × 3` unit vectors; result: `[n, 3]` in `(0, 1)`.
+pub(crate) fn shade(
+    config: &AppearanceConfig,
+    weights: &Tensor<1>,
+    canvas: Option<&Tensor<1>>,
+    features: Tensor<2>,
+    (positions, views): (&Positions<'_>, &[f32]),
+) -> Tensor<2> {
+    let spec = config.spec(features.dims()[1], positions.dimensions);
+    let device = weights.device();
+    let mut inputs = vec![features];
+    if let Some(bands) = config.view_bands {
+        inputs.push(matrix(frequencies(views, 3, bands), 3 * (1 + 2 * bands), &device));
+    }
+    if let (Some(encoding), Some(canvas)) = (&config.canvas, canvas) {
+        inputs.push(encode(encoding, canvas, positions));
+    }
+    let input = if inputs.len() == 1 { inputs.remove(0) } else { Tensor::cat(inputs, 1) };
+    ops::mlp(input, weights.clone(), &spec)
+}

@@ -1,0 +1,132 @@
+//! Sizes of the field. Presets are values of these types; no code asks for a preset's name.
+
+use impasto_kernels::{Activation, HashGridSpec, MlpSpec};
+use serde::{Deserialize, Serialize};
+
+/// How a position becomes network input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum EncodingConfig {
+    /// Multi-resolution hash grid over the cube around the volume.
+    HashGrid {
+        /// Resolutions.
+        levels: usize,
+        /// Numbers per entry.
+        features: usize,
+        /// log₂ of the entries per level.
+        log2_entries: u32,
+        /// Cells along an axis, coarsest level.
+        coarsest: f32,
+        /// Cells along an axis, finest level.
+        finest: f32,
+    },
+    /// `[x, sin 2⁰x, cos 2⁰x, …]` of the 3-D (inner) or 4-D (outer) position.
+    Frequency {
+        /// Number of octaves.
+        bands: usize,
+    },
+}
+
+impl EncodingConfig {
+    /// The kernel's sizes, if this is a hash grid.
+    pub fn hash_grid(&self) -> Option<HashGridSpec> {
+        match *self {
+            Self::HashGrid {
+                levels,
+                features,
+                log2_entries,
+                coarsest,
+                finest,
+            } => Some(HashGridSpec {
+                levels,
+                features,
+                log2_entries,
+                coarsest,
+                finest,
+            }),
+            Self::Frequency { .. } => None,
+        }
+    }
+
+    /// Width of an encoded position of `dimensions` coordinates.
+    pub fn outputs(&self, dimensions: usize) -> usize {
+        match self {
+            Self::HashGrid { levels, features, .. } => levels * features,
+            Self::Frequency { bands } => dimensions * (1 + 2 * bands),
+        }
+    }
+}
+
+/// How the last number of `geo` becomes a density.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DensityActivation {
+    /// `e^x`, with x limited to ±15.
+    Exp,
+    /// `|x|`, the paper's.
+    Abs,
+}
+
+/// Sizes of one volume's `base` and `geo`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VolumeConfig {
+    /// Encoding of positions.
+    pub encoding: EncodingConfig,
+    /// Widths of `base` after its input; the last is the width of the features.
+    pub base: Vec<usize>,
+    /// Hidden widths of `geo`.
+    pub geo: Vec<usize>,
+    /// Density activation.
+    pub density: DensityActivation,
+}
+
+impl VolumeConfig {
+    /// Layers of `base`: relu throughout, features included.
+    pub fn base_spec(&self, dimensions: usize) -> MlpSpec {
+        let mut widths = vec![self.encoding.outputs(dimensions)];
+        widths.extend(&self.base);
+        MlpSpec::relu(&widths, false, Activation::Relu)
+    }
+
+    /// Layers of `geo`, from features to one number.
+    pub fn geo_spec(&self) -> MlpSpec {
+        let mut widths = vec![self.features()];
+        widths.extend(&self.geo);
+        widths.push(1);
+        MlpSpec::relu(&widths, false, Activation::Linear)
+    }
+
+    /// Width of the features that `base` hands to `geo` and `app`.
+    pub fn features(&self) -> usize {
+        self.base.last().copied().unwrap_or(0)
+    }
+}
+
+/// Where samples are taken.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SamplingConfig {
+    /// Distance between inner samples, scene units.
+    pub inner_step: f32,
+    /// Outer samples along a ray, equal steps of inverse radius.
+    pub outer_steps: usize,
+    /// Cells along an axis of the inner density grid.
+    pub inner_grid: usize,
+    /// Cells along an axis of the outer density grid.
+    pub outer_grid: usize,
+    /// Depth before which nothing is sampled, scene units.
+    pub near: f32,
+}
+
+/// The whole field.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FieldConfig {
+    /// The unit ball.
+    pub inner: VolumeConfig,
+    /// Everything beyond it.
+    pub outer: VolumeConfig,
+    /// Sampling.
+    pub sampling: SamplingConfig,
+}

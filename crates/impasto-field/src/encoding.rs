@@ -1,0 +1,66 @@
+//! Encodings of positions and directions.
+
+use crate::config::EncodingConfig;
+use burn::tensor::{Device, Tensor, TensorData};
+use impasto_kernels::ops;
+use rayon::prelude::*;
+
+/// `[x, sin 2⁰x, cos 2⁰x, …, sin 2^(bands−1) x, cos 2^(bands−1) x]` of every row, no π (PAPER §2).
+///
+/// # Shapes
+/// `rows`: `n × dimensions`; result: `n × dimensions · (1 + 2 · bands)`.
+pub fn frequencies(rows: &[f32], dimensions: usize, bands: usize) -> Vec<f32> {
+    let width = dimensions * (1 + 2 * bands);
+    let mut out = vec![0.0; rows.len() / dimensions * width];
+    out.par_chunks_exact_mut(width)
+        .with_min_len(256)
+        .zip(rows.par_chunks_exact(dimensions))
+        .for_each(|(out, x)| {
+            out[..dimensions].copy_from_slice(x);
+            for band in 0..bands {
+                let at = dimensions * (1 + 2 * band);
+                for (axis, x) in x.iter().enumerate() {
+                    let (sin, cos) = (x * (1u32 << band) as f32).sin_cos();
+                    out[at + axis] = sin;
+                    out[at + dimensions + axis] = cos;
+                }
+            }
+        });
+    out
+}
+
+/// Encodes positions with the encoding's weights (the hash table; unused for frequencies).
+///
+/// # Shapes
+/// `points`: `n × dimensions`, raw coordinates; `cube`: `n × 3`, the same in the unit cube;
+/// result: `[n, config.outputs(dimensions)]`. Positions are not differentiated.
+pub fn encode(config: &EncodingConfig, weights: &Tensor<1>, points: &Positions<'_>) -> Tensor<2> {
+    match (config.hash_grid(), config) {
+        (Some(spec), _) => {
+            let cube = matrix(points.cube.to_vec(), 3, &weights.device());
+            ops::hash_encode(cube, weights.clone(), spec)
+        }
+        (None, EncodingConfig::Frequency { bands }) => {
+            let rows = frequencies(points.raw, points.dimensions, *bands);
+            matrix(rows, config.outputs(points.dimensions), &weights.device())
+        }
+        (None, EncodingConfig::HashGrid { .. }) => unreachable!("hash grids have a spec"),
+    }
+}
+
+/// Positions in both forms that encodings ask for.
+#[derive(Debug, Clone, Copy)]
+pub struct Positions<'a> {
+    /// `n × dimensions`.
+    pub raw: &'a [f32],
+    /// 3 (inner) or 4 (outer).
+    pub dimensions: usize,
+    /// `n × 3`.
+    pub cube: &'a [f32],
+}
+
+/// A row-major matrix as a tensor.
+pub fn matrix(data: Vec<f32>, width: usize, device: &Device) -> Tensor<2> {
+    let rows = data.len() / width;
+    Tensor::from_data(TensorData::new(data, [rows, width]), device)
+}

@@ -1,0 +1,26 @@
+//! The NeRF++ field (Zhang et al. 2020) with a separable appearance network.
+//!
+//! - [`sphere`]: the unit sphere, its exit along a ray, the inverted outer space;
+//! - [`encoding`]: hash-grid and frequency encodings behind one type;
+//! - [`branch`]: `base` and `geo` of one volume;
+//! - [`appearance`]: `app`, whose weights are data: learned for photos, predicted for paintings;
+//! - [`sampling`]: density-grid marching to packed samples;
+//! - [`render`]: the one ray renderer that training, rendering and evaluation share.
+//!
+//! Styles are unknown here except as "weights of `app`".
+
+pub mod appearance;
+pub mod branch;
+pub mod config;
+pub mod encoding;
+pub mod field;
+pub mod render;
+pub mod sampling;
+pub mod sphere;
+
+pub use appearance::{Appearance, AppearanceConfig, Canvas};
+pub use branch::{Branch, BranchWeights};
+pub use config::{DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig};
+pub use field::{Field, FieldWeights, Grids};
+pub use render::{Geometry, RenderedRays, render_rays};
+pub use sampling::{RayBatch, Samples, contracted_distance};

@@ -1,0 +1,264 @@
+//! Volume compositing of packed samples (PAPER §3): inner samples first, then the outer volume's
+//! behind them, one transmittance running through both.
+
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Kept under every factor of the transmittance, as in NeRF++.
+const TRANSMITTANCE_EPS: f32 = 1e-6;
+
+/// Which samples belong to one ray. Both ranges index the sample arrays; `outer` continues behind
+/// `inner`.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct RaySpan {
+    /// Samples of the inner volume, near to far.
+    pub inner: Range<usize>,
+    /// Samples of the outer volume, near to far.
+    pub outer: Range<usize>,
+}
+
+/// The fixed part of a composite: everything that is not differentiated.
+#[derive(Debug, Clone, Default)]
+pub struct CompositeLayout {
+    /// One span per ray.
+    pub rays: Vec<RaySpan>,
+    /// Step length of each sample (inner: along the ray; outer: in inverse radius).
+    pub deltas: Vec<f32>,
+    /// Depth of each sample, used for the expected depth.
+    pub depths: Vec<f32>,
+    /// Normalised distance in `[0, 1]` of each sample, used for the distortion measure
+    /// (Barron et al. 2022, mip-NeRF 360, eq. 15).
+    pub distances: Vec<f32>,
+}
+
+impl CompositeLayout {
+    /// Numbers per ray in the output for `channels` colours: colours, opacity, expected depth,
+    /// distortion.
+    pub const fn outputs(channels: usize) -> usize {
+        channels + 3
+    }
+
+    fn samples(span: &RaySpan) -> impl DoubleEndedIterator<Item = usize> + use<> {
+        span.inner.clone().chain(span.outer.clone())
+    }
+}
+
+#[inline(always)]
+fn alpha(sigma: f32, delta: f32) -> f32 {
+    1.0 - (-sigma * delta).exp()
+}
+
+/// Contribution of each sample, `(1 − e^(−σδ)) · T`.
+///
+/// # Shapes
+/// `sigma`: one non-negative density per sample; result: one weight per sample.
+pub fn weights(layout: &CompositeLayout, sigma: &[f32]) -> Vec<f32> {
+    let mut weights = vec![0.0; sigma.len()];
+    for span in &layout.rays {
+        let mut transmittance = 1.0;
+        for i in CompositeLayout::samples(span) {
+            let a = alpha(sigma[i], layout.deltas[i]);
+            weights[i] = a * transmittance;
+            transmittance *= 1.0 - a + TRANSMITTANCE_EPS;
+        }
+    }
+    weights
+}
+
+/// Composites colours along each ray.
+///
+/// # Shapes
+/// `sigma`: `n`, non-negative; `colours`: `n × channels`; result:
+/// `rays × (channels + 3)` = colours, opacity, Σ w·depth, distortion.
+///
+/// # Panics
+/// If a slice does not have its stated length.
+pub fn forward(
+    layout: &CompositeLayout,
+    sigma: &[f32],
+    colours: &[f32],
+    channels: usize,
+) -> Vec<f32> {
+    check(layout, sigma, colours, channels);
+    let width = CompositeLayout::outputs(channels);
+    let mut out = vec![0.0; layout.rays.len() * width];
+    out.par_chunks_mut(width)
+        .with_min_len(64)
+        .zip(&layout.rays)
+        .for_each(|(out, span)| {
+            let mut transmittance = 1.0;
+            let (mut mass, mut moment) = (0.0f32, 0.0f32);
+            for i in CompositeLayout::samples(span) {
+                let a = alpha(sigma[i], layout.deltas[i]);
+                let w = a * transmittance;
+                transmittance *= 1.0 - a + TRANSMITTANCE_EPS;
+                for c in 0..channels {
+                    out[c] += w * colours[i * channels + c];
+                }
+                let s = layout.distances[i];
+                out[channels] += w;
+                out[channels + 1] += w * layout.depths[i];
+                // Σ_ij w_i w_j |s_i − s_j| for sorted s, accumulated in one pass.
+                out[channels + 2] += 2.0 * w * (s * mass - moment);
+                mass += w;
+                moment += w * s;
+            }
+        });
+    out
+}
+
+/// Gradients of [`forward`] for densities and colours; deltas, depths and distances are constants.
+///
+/// # Shapes
+/// `grad`: `rays × (channels + 3)`; results: `n` and `n × channels`.
+///
+/// # Panics
+/// If a slice does not have its stated length, or a sample belongs to two rays.
+pub fn backward(
+    layout: &CompositeLayout,
+    sigma: &[f32],
+    colours: &[f32],
+    channels: usize,
+    grad: &[f32],
+) -> (Vec<f32>, Vec<f32>) {
+    check(layout, sigma, colours, channels);
+    let width = CompositeLayout::outputs(channels);
+    assert_eq!(
+        grad.len(),
+        layout.rays.len() * width,
+        "gradient of a composite"
+    );
+    let mut sigma_grad = vec![0.0; sigma.len()];
+    let mut colour_grad = vec![0.0; colours.len()];
+    split_by_ray(layout, &mut sigma_grad, &mut colour_grad, channels)
+        .par_iter_mut()
+        .zip(&layout.rays)
+        .zip(grad.par_chunks_exact(width))
+        .with_min_len(64)
+        .for_each_init(Vec::new, |steps, ((out, span), grad)| {
+            ray_backward(layout, span, (sigma, colours), channels, grad, steps, out);
+        });
+    (sigma_grad, colour_grad)
+}
+
+/// The parts of the gradient arrays that belong to one span of samples.
+#[derive(Default)]
+struct SpanGrads<'a> {
+    sigma: &'a mut [f32],
+    colours: &'a mut [f32],
+}
+
+/// Cuts the gradient arrays into each ray's inner and outer part.
+fn split_by_ray<'a>(
+    layout: &CompositeLayout,
+    mut sigma: &'a mut [f32],
+    mut colours: &'a mut [f32],
+    channels: usize,
+) -> Vec<[SpanGrads<'a>; 2]> {
+    let rays = || layout.rays.iter().enumerate();
+    let inner = rays().map(|(ray, span)| (&span.inner, ray, 0));
+    let outer = rays().map(|(ray, span)| (&span.outer, ray, 1));
+    // Both halves ascend where samples were packed ray by ray: the sort is then one merge.
+    let mut ranges: Vec<_> = inner
+        .chain(outer)
+        .filter(|(range, ..)| !range.is_empty())
+        .collect();
+    ranges.sort_by_key(|(range, ..)| range.start);
+
+    let mut split = Vec::new();
+    split.resize_with(layout.rays.len(), <[SpanGrads<'a>; 2]>::default);
+    let mut end = 0;
+    for (range, ray, side) in ranges {
+        assert!(
+            range.start >= end,
+            "a sample of a composite belongs to one ray"
+        );
+        let gap = range.start - end;
+        let (own_sigma, rest_sigma) = sigma.split_at_mut(gap).1.split_at_mut(range.len());
+        let (own_colours, rest_colours) = colours
+            .split_at_mut(gap * channels)
+            .1
+            .split_at_mut(range.len() * channels);
+        split[ray][side] = SpanGrads {
+            sigma: own_sigma,
+            colours: own_colours,
+        };
+        (sigma, colours, end) = (rest_sigma, rest_colours, range.end);
+    }
+    split
+}
+
+/// What the reverse sweep over one ray needs from the forward sweep.
+struct Step {
+    index: usize,
+    alpha: f32,
+    transmittance: f32,
+    weight: f32,
+}
+
+fn ray_backward(
+    layout: &CompositeLayout,
+    span: &RaySpan,
+    (sigma, colours): (&[f32], &[f32]),
+    channels: usize,
+    grad: &[f32],
+    steps: &mut Vec<Step>,
+    out: &mut [SpanGrads<'_>; 2],
+) {
+    steps.clear();
+    let mut transmittance = 1.0;
+    let (mut mass, mut moment) = (0.0f32, 0.0f32);
+    for index in CompositeLayout::samples(span) {
+        let alpha = alpha(sigma[index], layout.deltas[index]);
+        let weight = alpha * transmittance;
+        steps.push(Step {
+            index,
+            alpha,
+            transmittance,
+            weight,
+        });
+        transmittance *= 1.0 - alpha + TRANSMITTANCE_EPS;
+        mass += weight;
+        moment += weight * layout.distances[index];
+    }
+    let (colour_out, rest) = grad.split_at(channels);
+    let (mut mass_before, mut moment_before) = (mass, moment);
+    // dL/dT of the transmittance that leaves the sample, from far to near.
+    let mut behind = 0.0f32;
+    for (position, step) in steps.iter().enumerate().rev() {
+        let i = step.index;
+        let (out, at) = match position.checked_sub(span.inner.len()) {
+            None => (&mut out[0], position),
+            Some(at) => (&mut out[1], at),
+        };
+        let s = layout.distances[i];
+        mass_before -= step.weight;
+        moment_before -= step.weight * s;
+        let mass_after = mass - mass_before - step.weight;
+        let moment_after = moment - moment_before - step.weight * s;
+        let spread = s * mass_before - moment_before + moment_after - s * mass_after;
+        let mut weight_grad = rest[0] + rest[1] * layout.depths[i] + 2.0 * rest[2] * spread;
+        for c in 0..channels {
+            weight_grad += colour_out[c] * colours[i * channels + c];
+            out.colours[at * channels + c] = colour_out[c] * step.weight;
+        }
+        let alpha_grad = step.transmittance * (weight_grad - behind);
+        let delta = layout.deltas[i];
+        // A huge last step saturates e^(−σδ) at 0; 0 · 1e10 must stay 0.
+        let slope = (1.0 - step.alpha) * delta;
+        out.sigma[at] = if slope > 0.0 { alpha_grad * slope } else { 0.0 };
+        behind = step.alpha * weight_grad + (1.0 - step.alpha + TRANSMITTANCE_EPS) * behind;
+    }
+}
+
+fn check(layout: &CompositeLayout, sigma: &[f32], colours: &[f32], channels: usize) {
+    let n = sigma.len();
+    assert_eq!(colours.len(), n * channels, "colours of a composite");
+    for (name, values) in [
+        ("deltas", &layout.deltas),
+        ("depths", &layout.depths),
+        ("distances", &layout.distances),
+    ] {
+        assert_eq!(values.len(), n, "{name} of a composite");
+    }
+}

@@ -1,0 +1,343 @@
+//! Small multi-layer perceptrons over many rows, block by block.
+//!
+//! A block's activations stay in cache; the backward pass recomputes them instead of storing
+//! them. Weights are data: gradients reach inputs *and* parameters, so that predicted weights
+//! (the hypernetwork's output) and learned ones are the same path.
+
+use super::product::{View, add_product};
+use rayon::prelude::*;
+
+/// What follows a layer's affine map (and its normalisation).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Activation {
+    /// Nothing.
+    Linear,
+    /// `max(0, x)`.
+    Relu,
+    /// `1 / (1 + e^-x)`.
+    Sigmoid,
+}
+
+/// One layer: affine map, optional LayerNorm over channels (eps 1e-5, no affine), activation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LayerSpec {
+    /// Input channels.
+    pub inputs: usize,
+    /// Output channels.
+    pub outputs: usize,
+    /// Whether LayerNorm follows the affine map.
+    pub layer_norm: bool,
+    /// Final non-linearity.
+    pub activation: Activation,
+}
+
+impl LayerSpec {
+    /// Numbers in this layer: a row-major `outputs × inputs` weight, then `outputs` biases.
+    pub fn params(&self) -> usize {
+        self.outputs * (self.inputs + 1)
+    }
+}
+
+/// A chain of layers whose parameters lie one after the other in one flat vector.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MlpSpec {
+    layers: Vec<LayerSpec>,
+}
+
+const LAYER_NORM_EPS: f32 = 1e-5;
+/// Rows a block: activations of width 64 for three layers fit the second-level cache.
+const BLOCK: usize = 256;
+/// Most pieces the rows are cut into for parameter gradients; fixed, so that sums do not depend
+/// on the number of threads.
+const PIECES: usize = 8;
+
+impl MlpSpec {
+    /// Chains `layers`.
+    ///
+    /// # Panics
+    /// If there is no layer or neighbouring widths differ: specifications are program constants.
+    pub fn new(layers: Vec<LayerSpec>) -> Self {
+        assert!(!layers.is_empty(), "an MLP has at least one layer");
+        for pair in layers.windows(2) {
+            assert_eq!(
+                pair[0].outputs, pair[1].inputs,
+                "widths of neighbouring layers"
+            );
+        }
+        Self { layers }
+    }
+
+    /// Hidden layers with relu, a last layer with `output`, widths given from input to output.
+    pub fn relu(widths: &[usize], layer_norm: bool, output: Activation) -> Self {
+        let last = widths.len().saturating_sub(2);
+        Self::new(
+            widths
+                .windows(2)
+                .enumerate()
+                .map(|(i, w)| LayerSpec {
+                    inputs: w[0],
+                    outputs: w[1],
+                    layer_norm: layer_norm && i < last,
+                    activation: if i < last { Activation::Relu } else { output },
+                })
+                .collect(),
+        )
+    }
+
+    /// The layers in order.
+    pub fn layers(&self) -> &[LayerSpec] {
+        &self.layers
+    }
+
+    /// Input channels.
+    pub fn inputs(&self) -> usize {
+        self.layers[0].inputs
+    }
+
+    /// Output channels.
+    pub fn outputs(&self) -> usize {
+        self.layers[self.layers.len() - 1].outputs
+    }
+
+    /// Length of the flat parameter vector.
+    pub fn params(&self) -> usize {
+        self.layers.iter().map(LayerSpec::params).sum()
+    }
+}
+
+/// One block's activations, kept for the backward pass.
+struct Tape {
+    /// Output of each layer, `BLOCK × outputs`.
+    outputs: Vec<Vec<f32>>,
+    /// LayerNorm's output before the activation, empty where a layer has none.
+    normalised: Vec<Vec<f32>>,
+    /// LayerNorm's `1 / sqrt(var + eps)` per row.
+    inverse_std: Vec<Vec<f32>>,
+}
+
+impl Tape {
+    fn new(spec: &MlpSpec) -> Self {
+        let norm = |n: usize| {
+            move |l: &LayerSpec| vec![0.0; if l.layer_norm { BLOCK * n.max(1) } else { 0 }]
+        };
+        Self {
+            outputs: spec
+                .layers
+                .iter()
+                .map(|l| vec![0.0; BLOCK * l.outputs])
+                .collect(),
+            normalised: spec.layers.iter().map(|l| norm(l.outputs)(l)).collect(),
+            inverse_std: spec.layers.iter().map(norm(1)).collect(),
+        }
+    }
+
+    fn forward(&mut self, spec: &MlpSpec, params: &[f32], x: &[f32], rows: usize) {
+        let mut offset = 0;
+        for (i, layer) in spec.layers.iter().enumerate() {
+            let (before, rest) = self.outputs.split_at_mut(i);
+            let input = if i == 0 {
+                x
+            } else {
+                &before[i - 1][..rows * layer.inputs]
+            };
+            let out = &mut rest[0][..rows * layer.outputs];
+            let (weight, bias) =
+                params[offset..offset + layer.params()].split_at(layer.inputs * layer.outputs);
+            offset += layer.params();
+            for row in out.chunks_exact_mut(layer.outputs) {
+                row.copy_from_slice(bias);
+            }
+            add_product(
+                out,
+                View::new(input, rows, layer.inputs),
+                View::new(weight, layer.outputs, layer.inputs).transposed(),
+            );
+            if layer.layer_norm {
+                normalise(out, layer.outputs, &mut self.inverse_std[i]);
+                self.normalised[i][..out.len()].copy_from_slice(out);
+            }
+            activate(out, layer.activation);
+        }
+    }
+
+    /// Turns `grad` (with respect to layer `i`'s output) into the gradient before its affine map.
+    fn before_affine(&self, layer: &LayerSpec, i: usize, grad: &mut [f32]) {
+        let out = &self.outputs[i];
+        match layer.activation {
+            Activation::Linear => {}
+            Activation::Relu => {
+                for (g, y) in grad.iter_mut().zip(out) {
+                    *g = if *y > 0.0 { *g } else { 0.0 };
+                }
+            }
+            Activation::Sigmoid => {
+                for (g, y) in grad.iter_mut().zip(out) {
+                    *g *= y * (1.0 - y);
+                }
+            }
+        }
+        if layer.layer_norm {
+            let n = layer.outputs;
+            let rows = grad
+                .chunks_exact_mut(n)
+                .zip(self.normalised[i].chunks_exact(n));
+            for ((g, y), inverse_std) in rows.zip(&self.inverse_std[i]) {
+                let mean = g.iter().sum::<f32>() / n as f32;
+                let along = g.iter().zip(y).map(|(g, y)| g * y).sum::<f32>() / n as f32;
+                for (g, y) in g.iter_mut().zip(y) {
+                    *g = inverse_std * (*g - mean - y * along);
+                }
+            }
+        }
+    }
+}
+
+fn normalise(rows: &mut [f32], width: usize, inverse_std: &mut [f32]) {
+    for (row, inv) in rows.chunks_exact_mut(width).zip(inverse_std) {
+        let mean = row.iter().sum::<f32>() / width as f32;
+        let var = row.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / width as f32;
+        *inv = (var + LAYER_NORM_EPS).sqrt().recip();
+        for v in row {
+            *v = (*v - mean) * *inv;
+        }
+    }
+}
+
+fn activate(values: &mut [f32], activation: Activation) {
+    match activation {
+        Activation::Linear => {}
+        // Not `max`, which would turn NaN into 0 and hide a broken input.
+        Activation::Relu => values
+            .iter_mut()
+            .for_each(|v| *v = if *v < 0.0 { 0.0 } else { *v }),
+        Activation::Sigmoid => values
+            .iter_mut()
+            .for_each(|v| *v = 1.0 / (1.0 + (-*v).exp())),
+    }
+}
+
+/// Applies the MLP to every row of `x`.
+///
+/// # Shapes
+/// `x`: `rows × inputs`; `params`: `spec.params()`; result: `rows × outputs`.
+///
+/// # Panics
+/// If a slice does not have its stated length.
+pub fn forward(spec: &MlpSpec, x: &[f32], params: &[f32]) -> Vec<f32> {
+    let (inputs, outputs) = (spec.inputs(), spec.outputs());
+    assert_eq!(params.len(), spec.params(), "parameters of an MLP");
+    assert_eq!(x.len() % inputs, 0, "rows of an MLP's input");
+    let mut out = vec![0.0; x.len() / inputs * outputs];
+    out.par_chunks_mut(BLOCK * outputs)
+        .zip(x.par_chunks(BLOCK * inputs))
+        .for_each_init(
+            || Tape::new(spec),
+            |tape, (out, x)| {
+                tape.forward(spec, params, x, x.len() / inputs);
+                let last = &tape.outputs[tape.outputs.len() - 1];
+                out.copy_from_slice(&last[..out.len()]);
+            },
+        );
+    out
+}
+
+/// Gradients of [`forward`] for its input (empty unless `need_input`) and its parameters.
+///
+/// # Shapes
+/// `grad`: `rows × outputs`; results: `rows × inputs` and `spec.params()`.
+pub fn backward(
+    spec: &MlpSpec,
+    x: &[f32],
+    params: &[f32],
+    grad: &[f32],
+    need_input: bool,
+) -> (Vec<f32>, Vec<f32>) {
+    let (inputs, outputs) = (spec.inputs(), spec.outputs());
+    let rows = x.len() / inputs;
+    assert_eq!(grad.len(), rows * outputs, "gradient of an MLP's output");
+    let piece = rows.div_ceil(PIECES).next_multiple_of(BLOCK).max(BLOCK);
+    let mut input_grad = vec![0.0; if need_input { x.len() } else { 0 }];
+    let mut input_pieces: Vec<&mut [f32]> = input_grad.chunks_mut(piece * inputs).collect();
+    input_pieces.resize_with(rows.div_ceil(piece), Default::default);
+
+    let partial: Vec<Vec<f32>> = x
+        .par_chunks(piece * inputs)
+        .zip(grad.par_chunks(piece * outputs))
+        .zip(input_pieces)
+        .map(|((x, grad), input_grad)| piece_backward(spec, params, x, grad, input_grad))
+        .collect();
+    let mut params_grad = vec![0.0; params.len()];
+    for part in partial {
+        for (sum, p) in params_grad.iter_mut().zip(part) {
+            *sum += p;
+        }
+    }
+    (input_grad, params_grad)
+}
+
+fn piece_backward(
+    spec: &MlpSpec,
+    params: &[f32],
+    x: &[f32],
+    grad: &[f32],
+    input_grad: &mut [f32],
+) -> Vec<f32> {
+    let (inputs, outputs) = (spec.inputs(), spec.outputs());
+    let widest = spec
+        .layers
+        .iter()
+        .map(|l| l.inputs.max(l.outputs))
+        .max()
+        .unwrap_or(0);
+    let mut tape = Tape::new(spec);
+    let mut params_grad = vec![0.0; params.len()];
+    let (mut current, mut next) = (vec![0.0; BLOCK * widest], vec![0.0; BLOCK * widest]);
+    for (block, (x, grad)) in x
+        .chunks(BLOCK * inputs)
+        .zip(grad.chunks(BLOCK * outputs))
+        .enumerate()
+    {
+        let rows = x.len() / inputs;
+        tape.forward(spec, params, x, rows);
+        current[..grad.len()].copy_from_slice(grad);
+        let mut end = params.len();
+        for (i, layer) in spec.layers.iter().enumerate().rev() {
+            let start = end - layer.params();
+            let weights = layer.inputs * layer.outputs;
+            let g = &mut current[..rows * layer.outputs];
+            tape.before_affine(layer, i, g);
+            let input = if i == 0 {
+                x
+            } else {
+                &tape.outputs[i - 1][..rows * layer.inputs]
+            };
+            let (weight_grad, bias_grad) = params_grad[start..end].split_at_mut(weights);
+            add_product(
+                weight_grad,
+                View::new(g, rows, layer.outputs).transposed(),
+                View::new(input, rows, layer.inputs),
+            );
+            for row in g.chunks_exact(layer.outputs) {
+                for (b, g) in bias_grad.iter_mut().zip(row) {
+                    *b += g;
+                }
+            }
+            if i > 0 || !input_grad.is_empty() {
+                let target = if i > 0 {
+                    &mut next[..rows * layer.inputs]
+                } else {
+                    &mut input_grad[block * BLOCK * inputs..][..rows * inputs]
+                };
+                target.fill(0.0);
+                add_product(
+                    target,
+                    View::new(g, rows, layer.outputs),
+                    View::new(&params[start..start + weights], layer.outputs, layer.inputs),
+                );
+                std::mem::swap(&mut current, &mut next);
+            }
+            end = start;
+        }
+    }
+    params_grad
+}

@@ -1,0 +1,19 @@
+//! Differentiable operations that a general tensor library cannot do fast.
+//!
+//! Two layers:
+//! - [`cpu`] holds plain functions over `f32` slices. Each has a slow, obvious twin in its tests.
+//! - [`ops`] registers them with burn, forward and backward, so that they take part in autodiff
+//!   like any built-in operation and run on whatever [`burn::tensor::Device`] is chosen.
+//!
+//! Everything is deterministic: work is cut into pieces whose number depends on the data only,
+//! and partial sums are added in a fixed order.
+
+pub mod cpu;
+pub mod ops;
+
+pub use cpu::adam::AdamStep;
+pub use cpu::composite::{CompositeLayout, RaySpan};
+pub use cpu::hash_grid::HashGridSpec;
+pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
+pub use cpu::occupancy::OccupancyGrid;
+pub use cpu::perceptual::{ConvLayer, PerceptualStack};

@@ -1,0 +1,159 @@
+//! Backward passes: each operation's saved state is the associated type of its step.
+
+use super::{AdamState, KernelGrad, KernelOps};
+use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack};
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::base::Checkpointer;
+use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::tensor::FloatTensor;
+use std::sync::Arc;
+
+#[derive(Debug)]
+struct HashEncode;
+
+impl<B: KernelGrad> Backward<B, 1> for HashEncode {
+    /// Points and grid sizes.
+    type State = (FloatTensor<B>, HashGridSpec);
+
+    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let grad = grads.consume::<B>(&ops.node);
+        let ([table], (points, spec)) = (ops.parents, ops.state);
+        if let Some(node) = table {
+            grads.register::<B>(node.id, B::hash_encode_backward(points, grad, spec));
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Mlp;
+
+impl<B: KernelGrad> Backward<B, 2> for Mlp {
+    /// Input, parameters and layers; activations are recomputed.
+    type State = (FloatTensor<B>, FloatTensor<B>, MlpSpec);
+
+    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let grad = grads.consume::<B>(&ops.node);
+        let ([x_node, params_node], (x, params, spec)) = (ops.parents, ops.state);
+        let (x_grad, params_grad) = B::mlp_backward(x, params, grad, spec, x_node.is_some());
+        if let (Some(node), Some(grad)) = (x_node, x_grad) {
+            grads.register::<B>(node.id, grad);
+        }
+        if let Some(node) = params_node {
+            grads.register::<B>(node.id, params_grad);
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Composite;
+
+impl<B: KernelGrad> Backward<B, 2> for Composite {
+    /// Densities, colours and the constant layout.
+    type State = (FloatTensor<B>, FloatTensor<B>, Arc<CompositeLayout>);
+
+    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let grad = grads.consume::<B>(&ops.node);
+        let ([sigma_node, colour_node], (sigma, colours, layout)) = (ops.parents, ops.state);
+        let (sigma_grad, colour_grad) = B::composite_backward(sigma, colours, grad, layout);
+        if let Some(node) = sigma_node {
+            grads.register::<B>(node.id, sigma_grad);
+        }
+        if let Some(node) = colour_node {
+            grads.register::<B>(node.id, colour_grad);
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Perceptual;
+
+impl<B: KernelGrad> Backward<B, 1> for Perceptual {
+    /// Activations of the forward pass.
+    type State = (B::PerceptualTape, Arc<PerceptualStack>);
+
+    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let grad = grads.consume::<B>(&ops.node);
+        let ([image], (tape, stack)) = (ops.parents, ops.state);
+        if let Some(node) = image {
+            grads.register::<B>(node.id, B::perceptual_backward(tape, grad, &stack));
+        }
+    }
+}
+
+impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B, C> {
+    fn hash_encode(
+        points: FloatTensor<Self>,
+        table: FloatTensor<Self>,
+        spec: HashGridSpec,
+    ) -> FloatTensor<Self> {
+        let (points, (table, node)) = (points.into_primitive(), table.into_parts());
+        let out = B::hash_encode(points.clone(), table, spec);
+        match HashEncode.prepare::<C>([node]).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => prep.finish((points, spec), out),
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self> {
+        let ((x, x_node), (params, params_node)) = (x.into_parts(), params.into_parts());
+        let out = B::mlp(x.clone(), params.clone(), spec.clone());
+        match Mlp
+            .prepare::<C>([x_node, params_node])
+            .compute_bound()
+            .stateful()
+        {
+            OpsKind::Tracked(prep) => prep.finish((x, params, spec), out),
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn composite(
+        sigma: FloatTensor<Self>,
+        colours: FloatTensor<Self>,
+        layout: Arc<CompositeLayout>,
+    ) -> FloatTensor<Self> {
+        let ((sigma, sigma_node), (colours, colour_node)) =
+            (sigma.into_parts(), colours.into_parts());
+        let out = B::composite(sigma.clone(), colours.clone(), Arc::clone(&layout));
+        match Composite
+            .prepare::<C>([sigma_node, colour_node])
+            .compute_bound()
+            .stateful()
+        {
+            OpsKind::Tracked(prep) => prep.finish((sigma, colours, layout), out),
+            OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn perceptual(image: FloatTensor<Self>, stack: Arc<PerceptualStack>) -> FloatTensor<Self> {
+        let (image, node) = image.into_parts();
+        match Perceptual.prepare::<C>([node]).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => {
+                let (out, tape) = B::perceptual_taped(image, &stack);
+                prep.finish((tape, stack), out)
+            }
+            OpsKind::UnTracked(prep) => prep.finish(B::perceptual(image, stack)),
+        }
+    }
+
+    /// An optimiser's update is no part of a graph: gradients stop here.
+    fn adam(state: AdamState<Self>, grad: FloatTensor<Self>, step: AdamStep) -> AdamState<Self> {
+        let inner = AdamState {
+            param: state.param.into_primitive(),
+            first: state.first.into_primitive(),
+            second: state.second.into_primitive(),
+        };
+        let AdamState {
+            param,
+            first,
+            second,
+        } = B::adam(inner, grad.into_primitive(), step);
+        AdamState {
+            param: Self::FloatTensorPrimitive::new(param),
+            first: Self::FloatTensorPrimitive::new(first),
+            second: Self::FloatTensorPrimitive::new(second),
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! The CPU: slices in, slices out, no copies of contiguous tensors.
+
+use super::{AdamState, KernelGrad, KernelOps};
+use crate::cpu::perceptual::PerceptualTape;
+use crate::cpu::{adam, composite, hash_grid, mlp};
+use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
+use burn::tensor::{Shape, TensorData};
+use std::sync::Arc;
+
+type Primitive = FloatTensor<Flex>;
+
+/// Runs `f` on a tensor's numbers, copying only what is not contiguous.
+fn with<R>(tensor: &Primitive, f: impl FnOnce(&[f32]) -> R) -> R {
+    match tensor.as_slice::<f32>() {
+        Some(slice) => f(slice),
+        None => f(tensor.to_contiguous().storage::<f32>()),
+    }
+}
+
+fn tensor(data: Vec<f32>, shape: impl Into<Shape>) -> Primitive {
+    Primitive::from_data(TensorData::new(data, shape))
+}
+
+/// Makes a tensor the only content of its storage, in order: `storage_mut` hands out the whole
+/// buffer, which a view shares with others. An unshared buffer is kept.
+fn make_whole(tensor: &mut Primitive) {
+    *tensor = tensor.to_contiguous();
+}
+
+fn rows(tensor: &Primitive) -> usize {
+    tensor.shape()[0]
+}
+
+impl KernelOps for Flex {
+    fn hash_encode(points: Primitive, table: Primitive, spec: HashGridSpec) -> Primitive {
+        let out = with(&points, |p| {
+            with(&table, |t| hash_grid::forward(&spec, p, t))
+        });
+        tensor(out, [rows(&points), spec.outputs()])
+    }
+
+    fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
+        let out = with(&x, |x| with(&params, |p| mlp::forward(&spec, x, p)));
+        tensor(out, [rows(&x), spec.outputs()])
+    }
+
+    fn composite(sigma: Primitive, colours: Primitive, layout: Arc<CompositeLayout>) -> Primitive {
+        let channels = colours.shape()[1];
+        let out = with(&sigma, |s| {
+            with(&colours, |c| composite::forward(&layout, s, c, channels))
+        });
+        tensor(out, [layout.rays.len(), CompositeLayout::outputs(channels)])
+    }
+
+    fn perceptual(image: Primitive, stack: Arc<PerceptualStack>) -> Primitive {
+        Self::perceptual_taped(image, &stack).0
+    }
+
+    fn adam(state: AdamState<Self>, grad: Primitive, step: AdamStep) -> AdamState<Self> {
+        let AdamState {
+            mut param,
+            mut first,
+            mut second,
+        } = state;
+        for tensor in [&mut param, &mut first, &mut second] {
+            make_whole(tensor);
+        }
+        with(&grad, |grad| {
+            adam::update(
+                param.storage_mut::<f32>(),
+                first.storage_mut::<f32>(),
+                second.storage_mut::<f32>(),
+                grad,
+                &step,
+            );
+        });
+        AdamState {
+            param,
+            first,
+            second,
+        }
+    }
+}
+
+impl KernelGrad for Flex {
+    type PerceptualTape = Arc<PerceptualTape>;
+
+    fn hash_encode_backward(points: Primitive, grad: Primitive, spec: HashGridSpec) -> Primitive {
+        let out = with(&points, |p| {
+            with(&grad, |g| hash_grid::backward(&spec, p, g))
+        });
+        tensor(out, [spec.params()])
+    }
+
+    fn mlp_backward(
+        x: Primitive,
+        params: Primitive,
+        grad: Primitive,
+        spec: MlpSpec,
+        need_input: bool,
+    ) -> (Option<Primitive>, Primitive) {
+        let (input, weights) = with(&x, |x| {
+            with(&params, |p| {
+                with(&grad, |g| mlp::backward(&spec, x, p, g, need_input))
+            })
+        });
+        (
+            need_input.then(|| tensor(input, [rows(&x), spec.inputs()])),
+            tensor(weights, [spec.params()]),
+        )
+    }
+
+    fn composite_backward(
+        sigma: Primitive,
+        colours: Primitive,
+        grad: Primitive,
+        layout: Arc<CompositeLayout>,
+    ) -> (Primitive, Primitive) {
+        let channels = colours.shape()[1];
+        let (s, c) = with(&sigma, |s| {
+            with(&colours, |c| {
+                with(&grad, |g| composite::backward(&layout, s, c, channels, g))
+            })
+        });
+        (
+            tensor(s, [rows(&sigma)]),
+            tensor(c, [rows(&colours), channels]),
+        )
+    }
+
+    fn perceptual_taped(
+        image: Primitive,
+        stack: &PerceptualStack,
+    ) -> (Primitive, Self::PerceptualTape) {
+        let shape = image.shape();
+        let (features, tape) = with(&image, |i| stack.forward(i, shape[0], shape[1]));
+        let length = features.len();
+        (tensor(features, [length]), Arc::new(tape))
+    }
+
+    fn perceptual_backward(
+        tape: Self::PerceptualTape,
+        grad: Primitive,
+        stack: &PerceptualStack,
+    ) -> Primitive {
+        let (height, width) = tape.image_size();
+        let out = with(&grad, |g| stack.backward(&tape, g));
+        tensor(out, [height, width, 3])
+    }
+}

@@ -1,0 +1,198 @@
+//! The kernels as burn operations.
+//!
+//! [`KernelOps`] is what callers use, through the functions here; [`KernelGrad`] is what a device
+//! must additionally provide for gradients. `autodiff` wires the two; `flex` is the CPU.
+
+mod autodiff;
+mod flex;
+
+use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
+use burn::tensor::Tensor;
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// Forward operations, dispatched to the tensors' device.
+#[backend_extension(Autodiff, Flex)]
+pub trait KernelOps: Backend {
+    /// See [`hash_encode`].
+    fn hash_encode(
+        points: FloatTensor<Self>,
+        table: FloatTensor<Self>,
+        spec: HashGridSpec,
+    ) -> FloatTensor<Self>;
+    /// See [`mlp`].
+    fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self>;
+    /// See [`composite`].
+    fn composite(
+        sigma: FloatTensor<Self>,
+        colours: FloatTensor<Self>,
+        layout: Arc<CompositeLayout>,
+    ) -> FloatTensor<Self>;
+    /// See [`perceptual`].
+    fn perceptual(image: FloatTensor<Self>, stack: Arc<PerceptualStack>) -> FloatTensor<Self>;
+    /// See [`adam`].
+    fn adam(
+        #[extension_type] state: AdamState<Self>,
+        grad: FloatTensor<Self>,
+        step: AdamStep,
+    ) -> AdamState<Self>;
+}
+
+/// Gradients of [`KernelOps`] on a concrete device.
+pub trait KernelGrad: Backend {
+    /// What the perceptual stack keeps for its backward pass.
+    type PerceptualTape: Clone + Send + Debug + 'static;
+
+    /// Gradient for the table.
+    fn hash_encode_backward(
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        spec: HashGridSpec,
+    ) -> FloatTensor<Self>;
+    /// Gradients for the input (if needed) and the parameters.
+    fn mlp_backward(
+        x: FloatTensor<Self>,
+        params: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        spec: MlpSpec,
+        need_input: bool,
+    ) -> (Option<FloatTensor<Self>>, FloatTensor<Self>);
+    /// Gradients for densities and colours.
+    fn composite_backward(
+        sigma: FloatTensor<Self>,
+        colours: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        layout: Arc<CompositeLayout>,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>);
+    /// Forward pass that keeps its activations.
+    fn perceptual_taped(
+        image: FloatTensor<Self>,
+        stack: &PerceptualStack,
+    ) -> (FloatTensor<Self>, Self::PerceptualTape);
+    /// Gradient for the image.
+    fn perceptual_backward(
+        tape: Self::PerceptualTape,
+        grad: FloatTensor<Self>,
+        stack: &PerceptualStack,
+    ) -> FloatTensor<Self>;
+}
+
+/// A parameter with Adam's two moments, as device tensors of one shape.
+#[derive(ExtensionType)]
+pub struct AdamState<B: Backend> {
+    /// The parameter.
+    pub param: FloatTensor<B>,
+    /// Running mean of gradients.
+    pub first: FloatTensor<B>,
+    /// Running mean of squared gradients.
+    pub second: FloatTensor<B>,
+}
+
+/// Hash-grid encoding of points in the unit cube.
+///
+/// # Shapes
+/// `points`: `[n, 3]`, not differentiable; `table`: `[spec.params()]`; result:
+/// `[n, spec.outputs()]`.
+pub fn hash_encode(points: Tensor<2>, table: Tensor<1>, spec: HashGridSpec) -> Tensor<2> {
+    Tensor::from_dispatch(<Dispatch as KernelOps>::hash_encode(
+        points.into_dispatch(),
+        table.into_dispatch(),
+        spec,
+    ))
+}
+
+/// A small MLP applied to rows; differentiable in its input and its parameters.
+///
+/// # Shapes
+/// `x`: `[n, inputs]`; `params`: `[spec.params()]`; result: `[n, outputs]`.
+pub fn mlp(x: Tensor<2>, params: Tensor<1>, spec: &MlpSpec) -> Tensor<2> {
+    Tensor::from_dispatch(<Dispatch as KernelOps>::mlp(
+        x.into_dispatch(),
+        params.into_dispatch(),
+        spec.clone(),
+    ))
+}
+
+/// Composites packed samples along their rays; differentiable in densities and colours.
+///
+/// # Shapes
+/// `sigma`: `[n]`, non-negative; `colours`: `[n, c]`; result: `[rays, c + 3]` = colours, opacity,
+/// Σ weight·depth, distortion.
+pub fn composite(sigma: Tensor<1>, colours: Tensor<2>, layout: Arc<CompositeLayout>) -> Tensor<2> {
+    Tensor::from_dispatch(<Dispatch as KernelOps>::composite(
+        sigma.into_dispatch(),
+        colours.into_dispatch(),
+        layout,
+    ))
+}
+
+/// Features of a frozen perceptual stack; differentiable in the image.
+///
+/// # Shapes
+/// `image`: `[height, width, 3]` RGB in `[0, 1]`; result: one vector, the content feature
+/// (channels-last) followed by the statistics, see [`PerceptualStack::forward`].
+pub fn perceptual(image: Tensor<3>, stack: Arc<PerceptualStack>) -> Tensor<1> {
+    Tensor::from_dispatch(<Dispatch as KernelOps>::perceptual(
+        image.into_dispatch(),
+        stack,
+    ))
+}
+
+/// A trainable flat parameter with its Adam moments, all in place on the device.
+#[derive(Debug, Clone)]
+pub struct AdamParam {
+    param: Tensor<1>,
+    first: Tensor<1>,
+    second: Tensor<1>,
+    steps: u32,
+}
+
+impl AdamParam {
+    /// Starts with zero moments.
+    pub fn new(param: Tensor<1>) -> Self {
+        Self {
+            first: param.zeros_like(),
+            second: param.zeros_like(),
+            param,
+            steps: 0,
+        }
+    }
+
+    /// The current value, outside any autodiff graph.
+    pub fn value(&self) -> Tensor<1> {
+        self.param.clone()
+    }
+
+    /// The current value as a leaf of a new autodiff graph.
+    pub fn tracked(&self) -> Tensor<1> {
+        Tensor::from_inner(self.param.clone()).require_grad()
+    }
+
+    /// One Adam step (β = 0.9, 0.99, ε = 1e-15 when `sparse`, β₂ = 0.999, ε = 1e-8 otherwise).
+    ///
+    /// In place if no graph still holds the parameter.
+    pub fn step(&mut self, grad: Tensor<1>, rate: f32, sparse: bool) {
+        self.steps += 1;
+        let step = AdamStep {
+            rate,
+            beta1: 0.9,
+            beta2: if sparse { 0.99 } else { 0.999 },
+            eps: if sparse { 1e-15 } else { 1e-8 },
+            step: self.steps,
+            sparse,
+        };
+        let empty = || Tensor::<1>::empty([1], &grad.device());
+        let device_empty = (empty(), empty(), empty());
+        let state = AdamState::<Dispatch> {
+            param: std::mem::replace(&mut self.param, device_empty.0).into_dispatch(),
+            first: std::mem::replace(&mut self.first, device_empty.1).into_dispatch(),
+            second: std::mem::replace(&mut self.second, device_empty.2).into_dispatch(),
+        };
+        let state = <Dispatch as KernelOps>::adam(state, grad.into_dispatch(), step);
+        self.param = Tensor::from_dispatch(state.param);
+        self.first = Tensor::from_dispatch(state.first);
+        self.second = Tensor::from_dispatch(state.second);
+    }
+}

@@ -1,0 +1,170 @@
+//! The built-in scene: a synthetic square with an equestrian statue, rendered by code.
+//!
+//! Near content (statue, plinth, paving), middle (benches, lamps, walls, trees), far (houses) and
+//! infinitely far (hills, sky) stand all around, in metres, z up, the statue over the origin. A
+//! colour is a pure function of the ray and the pixel's size, so every camera sees the same place,
+//! and depth is exact.
+
+mod anatomy;
+mod builder;
+mod bvh;
+mod facade;
+mod ground;
+mod materials;
+mod noise;
+mod place;
+mod sky;
+mod solids;
+mod statue;
+mod surroundings;
+#[cfg(test)]
+mod tests;
+mod trace;
+mod write;
+
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DMat4, DVec3, Vec3};
+use image::RgbImage;
+use rayon::prelude::*;
+
+use crate::camera::{Camera, Intrinsics, Ray};
+use trace::{Place, place};
+pub use write::{WriteCaptureError, write_capture};
+
+/// Size of the built-in capture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BuiltinOptions {
+    /// Number of photos, at least 1.
+    pub photos: usize,
+    /// Photo width in pixels, at least 1.
+    pub width: u32,
+    /// Photo height in pixels, at least 1.
+    pub height: u32,
+    /// Horizontal field of view in radians, within (0, π).
+    pub field_of_view: f64,
+}
+
+impl Default for BuiltinOptions {
+    fn default() -> Self {
+        Self {
+            photos: 40,
+            width: 384,
+            height: 288,
+            field_of_view: 60f64.to_radians(),
+        }
+    }
+}
+
+/// A rendered photo of the built-in scene.
+#[derive(Debug, Clone)]
+pub struct BuiltinView {
+    /// Where it was taken; metres.
+    pub camera: Camera,
+    /// Colours as stored (sRGB).
+    pub pixels: RgbImage,
+    /// Depth along the camera's axis at pixel centres in metres, row-major `height × width`;
+    /// `f32::INFINITY` where the sky or the hills are seen.
+    pub depth: Vec<f32>,
+}
+
+/// The capture's cameras: one walk around the statue, mostly at eye height, with varied heights
+/// and distances and a hand's jitter of the aim. Always the same for the same options.
+pub fn cameras(options: &BuiltinOptions) -> Vec<Camera> {
+    let (width, height) = (options.width.max(1), options.height.max(1));
+    let focal = f64::from(width) * 0.5 / (options.field_of_view * 0.5).tan();
+    let intrinsics = Intrinsics {
+        width,
+        height,
+        fl_x: focal,
+        fl_y: focal,
+        cx: f64::from(width) * 0.5,
+        cy: f64::from(height) * 0.5,
+        distortion: crate::camera::Distortion::default(),
+    };
+    (0..options.photos)
+        .map(|index| on_walk(intrinsics, index, options.photos))
+        .collect()
+}
+
+fn on_walk(intrinsics: Intrinsics, index: usize, photos: usize) -> Camera {
+    let jitter = |k: i32| f64::from(noise::draw(1234, index as i32 * 8 + k)) * 2.0 - 1.0;
+    let angle = (index as f64 + 0.22 * jitter(0)) / photos as f64 * TAU;
+    let radius = 6.3 + 0.6 * (3.0 * angle + 0.6).sin() + 0.35 * jitter(1);
+    let height = 1.75 + 0.45 * (2.0 * angle + 1.0).sin() + 0.3 * jitter(2);
+    let eye = DVec3::new(radius * angle.cos(), radius * angle.sin(), height);
+    let aim = DVec3::new(0.22 * jitter(3), 0.22 * jitter(4), 2.15 + 0.12 * jitter(5));
+    Camera {
+        intrinsics,
+        camera_to_world: looking_at(eye, aim),
+    }
+}
+
+/// Camera-to-world with x right, y down, z towards `aim`; world z is up.
+fn looking_at(eye: DVec3, aim: DVec3) -> DMat4 {
+    let forward = (aim - eye).normalize();
+    let right = forward.cross(DVec3::Z).normalize();
+    DMat4::from_mat3_translation(DMat3::from_cols(right, forward.cross(right), forward), eye)
+}
+
+/// Renders the scene through any camera whose world is the scene's own frame (metres, z up).
+///
+/// Lens distortion is followed ray by ray. Runs on all of rayon's threads.
+pub fn render(camera: &Camera) -> BuiltinView {
+    let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
+    let place = place();
+    let rows: Vec<Vec<([u8; 3], f32)>> = (0..height)
+        .into_par_iter()
+        .map(|y| (0..width).map(|x| pixel(place, camera, x, y)).collect())
+        .collect();
+    let pixels = RgbImage::from_fn(width, height, |x, y| {
+        image::Rgb(rows[y as usize][x as usize].0)
+    });
+    BuiltinView {
+        camera: *camera,
+        pixels,
+        depth: rows.iter().flatten().map(|&(_, depth)| depth).collect(),
+    }
+}
+
+/// Offsets from a pixel's centre of the samples that every pixel takes beside the centre.
+const CORNERS: [(f64, f64); 4] = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
+/// The rest of the 3 × 3 grid, taken where the others differ.
+const EDGES: [(f64, f64); 4] = [(0.0, -1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)];
+/// Largest difference of stored colour between samples that needs no more of them.
+const SMOOTH: f32 = 0.05;
+
+/// Colour and centre depth of one pixel.
+fn pixel(place: &Place, camera: &Camera, x: u32, y: u32) -> ([u8; 3], f32) {
+    let (middle_x, middle_y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+    let (centre, depth) = sample(place, camera, middle_x, middle_y);
+    let beside =
+        |(dx, dy): (f64, f64)| sample(place, camera, middle_x + dx / 3.0, middle_y + dy / 3.0).0;
+    let (mut low, mut high, mut sum) = (centre, centre, centre);
+    for colour in CORNERS.map(beside) {
+        (low, high, sum) = (low.min(colour), high.max(colour), sum + colour);
+    }
+    let mut count = 5.0;
+    if (high - low).max_element() > SMOOTH {
+        sum += EDGES.map(beside).into_iter().sum::<Vec3>();
+        count = 9.0;
+    }
+    let stored = sum / count * 255.0;
+    (
+        [stored.x, stored.y, stored.z].map(|v| v.round() as u8),
+        depth,
+    )
+}
+
+/// Stored colour and depth along the axis through an image position.
+fn sample(place: &Place, camera: &Camera, x: f64, y: f64) -> (Vec3, f32) {
+    let Ray { origin, direction } = camera.ray(x, y);
+    let length = direction.length();
+    let pixel = 1.0 / (camera.intrinsics.fl_x * length);
+    let (colour, t) = place.look(
+        origin.as_vec3(),
+        (direction / length).as_vec3(),
+        pixel as f32,
+    );
+    (sky::encode(colour), t / length as f32)
+}

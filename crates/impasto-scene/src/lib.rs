@@ -1,0 +1,25 @@
+//! Posed photos of a real place: cameras, readers, normalisation, splits and camera paths.
+//!
+//! Knows nothing of tensors. Conventions: DESIGN §6 (camera axes x right, y down, z forward;
+//! colours are sRGB values in `[0, 1]` exactly as stored).
+//!
+//! [`load`] reads a capture into a [`Scene`]; [`paths`] makes camera paths from a scene's cameras.
+
+pub mod builtin;
+mod camera;
+mod codec;
+mod detect;
+mod error;
+mod normalise;
+pub mod paths;
+mod photo;
+mod pose;
+mod readers;
+mod scene;
+
+pub use camera::{Camera, Distortion, Intrinsics, Ray};
+pub use detect::{Format, detect};
+pub use error::SceneError;
+pub use normalise::Normalisation;
+pub use photo::{downscale, read_rgb};
+pub use scene::{LoadOptions, Observation, Photo, Scene, SparsePoint, Split, load};

@@ -1,0 +1,303 @@
+//! Camera paths from JSON files, with smooth interpolation.
+//!
+//! Two forms are read. nerfstudio's has `camera_path` (every frame) or `keyframes`: poses as 16
+//! numbers, row by row, in OpenGL axes and in the *capture's* coordinates, with a vertical field
+//! of view in degrees. Our own `cameras.json` has `frames` with `camera_to_world`, `fl_x` and so
+//! on, in OpenCV axes and in *scene* space.
+
+use glam::{DMat4, DQuat, DVec3, DVec4};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::{PathError, check_request, median_lens, pinhole};
+use crate::camera::{Camera, Intrinsics};
+use crate::normalise::Normalisation;
+use crate::pose;
+
+/// Frames between two keyframes when neither the caller nor the file says how many.
+const FRAMES_PER_STEP: usize = 30;
+
+/// What a path file leaves open.
+#[derive(Debug, Clone, Copy)]
+pub struct KeyframeOptions<'a> {
+    /// The model's train cameras, in scene space: field of view and size where the file has none.
+    pub cameras: &'a [Camera],
+    /// From the capture's coordinates to scene space, for nerfstudio's files.
+    pub normalisation: &'a Normalisation,
+    /// Number of frames to render; the file's own number if `None`.
+    pub frames: Option<usize>,
+    /// Width and height of the frames; the file's own, or the first photo's, if `None`.
+    pub size: Option<(u32, u32)>,
+}
+
+#[derive(Deserialize)]
+struct PathFile {
+    camera_path: Option<Vec<Value>>,
+    keyframes: Option<Vec<Value>>,
+    frames: Option<Vec<Value>>,
+    render_width: Option<f64>,
+    render_height: Option<f64>,
+    fps: Option<f64>,
+    seconds: Option<f64>,
+    #[serde(default)]
+    is_cycle: bool,
+}
+
+#[derive(Deserialize)]
+struct NerfstudioKey {
+    #[serde(alias = "matrix")]
+    camera_to_world: Vec<f64>,
+    fov: Option<f64>,
+}
+
+/// The cameras of a path file's text, interpolated when its number of frames is not the one
+/// wanted: a Catmull-Rom spline through positions, rotations and logarithms of focal lengths, on
+/// which the file's frames are equally far apart in time. nerfstudio's `is_cycle` closes it.
+///
+/// # Errors
+/// Text that is not JSON or of neither form, and frames whose pose is not a rotation or whose
+/// lens is impossible, by their number.
+pub fn keyframes(json: &str, options: &KeyframeOptions<'_>) -> Result<Vec<Camera>, PathError> {
+    let file: PathFile = serde_json::from_str(json)
+        .map_err(|e| PathError::Unreadable(format!("the camera path is not valid ({e})")))?;
+    let rendered = match (file.render_width, file.render_height) {
+        (Some(w), Some(h)) => Some((w.round() as u32, h.round() as u32)),
+        _ => None,
+    };
+    let (keys, default_frames) = match &file {
+        PathFile {
+            camera_path: Some(path),
+            ..
+        } if !path.is_empty() => {
+            let size = options.size.or(rendered);
+            (nerfstudio(path, "frame", size, options)?, path.len())
+        }
+        PathFile {
+            keyframes: Some(keys),
+            ..
+        } if !keys.is_empty() => {
+            let steps = if file.is_cycle {
+                keys.len()
+            } else {
+                keys.len() - 1
+            };
+            let stated = file
+                .fps
+                .zip(file.seconds)
+                .map(|(fps, seconds)| (fps * seconds).round() as usize);
+            let frames = stated
+                .filter(|&n| n > 0)
+                .unwrap_or(steps * FRAMES_PER_STEP + 1);
+            (
+                nerfstudio(keys, "keyframe", options.size.or(rendered), options)?,
+                frames,
+            )
+        }
+        PathFile {
+            frames: Some(frames),
+            ..
+        } if !frames.is_empty() => (ours(frames, options.size)?, frames.len()),
+        _ => {
+            return Err(PathError::Unreadable(
+                "the camera path has no frames; it needs a list \"frames\" (as in cameras.json), or \
+                 nerfstudio's \"camera_path\" or \"keyframes\""
+                    .into(),
+            ));
+        }
+    };
+    let size = (keys[0].intrinsics.width, keys[0].intrinsics.height);
+    let frames = options.frames.unwrap_or(default_frames);
+    check_request(frames, size)?;
+    if frames == keys.len() {
+        return Ok(keys);
+    }
+    let spline = Spline::through(&keys, file.is_cycle);
+    Ok((0..frames)
+        .map(|frame| spline.camera(frame, frames))
+        .collect())
+}
+
+fn nerfstudio(
+    keys: &[Value],
+    kind: &'static str,
+    size: Option<(u32, u32)>,
+    options: &KeyframeOptions<'_>,
+) -> Result<Vec<Camera>, PathError> {
+    let photo = options
+        .cameras
+        .first()
+        .map(|c| (c.intrinsics.width, c.intrinsics.height));
+    let Some(size) = size.or(photo) else {
+        return Err(PathError::TooFewCameras {
+            needed: 1,
+            given: 0,
+        });
+    };
+    check_request(keys.len(), size)?;
+    let key = |(index, value): (usize, &Value)| {
+        let wrong = |problem: String| PathError::Frame {
+            kind,
+            index,
+            problem,
+        };
+        let key = NerfstudioKey::deserialize(value).map_err(|e| wrong(e.to_string()))?;
+        let intrinsics = match key.fov {
+            Some(fov) if fov > 0.0 && fov < 180.0 => pinhole(
+                0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan(),
+                size,
+            ),
+            Some(fov) => {
+                return Err(wrong(format!(
+                    "a field of view of {fov} degrees is not possible"
+                )));
+            }
+            None => median_lens(options.cameras, size),
+        };
+        let numbers: [f64; 16] = key.camera_to_world.as_slice().try_into().map_err(|_| {
+            wrong(format!(
+                "its pose has {} numbers instead of 16",
+                key.camera_to_world.len()
+            ))
+        })?;
+        let pose = pose::rigid(pose::from_opengl(
+            DMat4::from_cols_array(&numbers).transpose(),
+        ))
+        .map_err(|problem| wrong(format!("its pose {problem}")))?;
+        Ok(Camera {
+            intrinsics,
+            camera_to_world: options.normalisation.pose_to_scene(pose),
+        })
+    };
+    keys.iter().enumerate().map(key).collect()
+}
+
+/// Frames of our own `cameras.json`.
+fn ours(frames: &[Value], size: Option<(u32, u32)>) -> Result<Vec<Camera>, PathError> {
+    let key = |(index, value): (usize, &Value)| {
+        let wrong = |problem: String| PathError::Frame {
+            kind: "frame",
+            index,
+            problem,
+        };
+        if value.get("transform_matrix").is_some() {
+            return Err(wrong(
+                "this is a capture (transforms.json), not a camera path".into(),
+            ));
+        }
+        let mut camera = Camera::deserialize(value).map_err(|e| wrong(e.to_string()))?;
+        camera.intrinsics.check().map_err(&wrong)?;
+        camera.camera_to_world = pose::rigid(camera.camera_to_world)
+            .map_err(|problem| wrong(format!("its pose {problem}")))?;
+        if let Some(size) = size {
+            check_request(1, size)?;
+            camera.intrinsics = fitted(&camera.intrinsics, size);
+        }
+        Ok(camera)
+    };
+    frames.iter().enumerate().map(key).collect()
+}
+
+/// The lens on another pixel grid. A grid of another shape shows no more than the old one did.
+fn fitted(lens: &Intrinsics, (width, height): (u32, u32)) -> Intrinsics {
+    let scaled = lens.resized(width, height);
+    let stretch = (scaled.fl_x / scaled.fl_y) / (lens.fl_x / lens.fl_y);
+    Intrinsics {
+        fl_x: scaled.fl_x * (1.0 / stretch).max(1.0),
+        fl_y: scaled.fl_y * stretch.max(1.0),
+        ..scaled
+    }
+}
+
+/// A smooth curve through cameras.
+struct Spline<'a> {
+    keys: &'a [Camera],
+    /// Rotations with signs chosen so that neighbours are close.
+    rotations: Vec<DVec4>,
+    closed: bool,
+}
+
+impl<'a> Spline<'a> {
+    fn through(keys: &'a [Camera], closed: bool) -> Self {
+        let mut rotations: Vec<DVec4> = Vec::with_capacity(keys.len());
+        for key in keys {
+            let rotation = DVec4::from(DQuat::from_mat4(&key.camera_to_world));
+            let flip = rotations
+                .last()
+                .is_some_and(|last| last.dot(rotation) < 0.0);
+            rotations.push(if flip { -rotation } else { rotation });
+        }
+        Self {
+            keys,
+            rotations,
+            closed,
+        }
+    }
+
+    /// Frame `frame` of `frames`: the first is the first key; the last is the last key or, on a
+    /// closed path, one step before the first.
+    fn camera(&self, frame: usize, frames: usize) -> Camera {
+        let count = self.keys.len();
+        let (steps, parts) = if self.closed {
+            (count, frames)
+        } else {
+            (count - 1, frames.saturating_sub(1).max(1))
+        };
+        let time = steps as f64 * frame as f64 / parts as f64;
+        let segment = (time.floor() as usize).min(steps.saturating_sub(1));
+        let part = time - segment as f64;
+        let around: [usize; 4] = std::array::from_fn(|i| self.neighbour(segment, i));
+
+        let centres = around.map(|i| self.keys[i].centre());
+        let mut rotations = around.map(|i| self.rotations[i]);
+        // A closed path may come back with the other sign.
+        for i in 1..4 {
+            if rotations[i].dot(rotations[i - 1]) < 0.0 {
+                rotations[i] = -rotations[i];
+            }
+        }
+        let weights = catmull_rom(part);
+        let position: DVec3 = (0..4).map(|i| centres[i] * weights[i]).sum();
+        let rotation: DVec4 = (0..4).map(|i| rotations[i] * weights[i]).sum();
+        let rotation = rotation.try_normalize().unwrap_or(rotations[1]);
+        let first = &self.keys[around[1]].intrinsics;
+        let blend = |of: fn(&Intrinsics) -> f64| -> f64 {
+            (0..4)
+                .map(|i| of(&self.keys[around[i]].intrinsics) * weights[i])
+                .sum()
+        };
+        let (fl_x, fl_y) = (blend(|k| k.fl_x.ln()).exp(), blend(|k| k.fl_y.ln()).exp());
+        let size = (
+            self.keys[0].intrinsics.width,
+            self.keys[0].intrinsics.height,
+        );
+        Camera {
+            intrinsics: Intrinsics {
+                fl_x,
+                fl_y,
+                ..pinhole(first.fl_x, size)
+            },
+            camera_to_world: DMat4::from_rotation_translation(DQuat::from_vec4(rotation), position),
+        }
+    }
+
+    /// The key at place `i` of the four around `segment`; ends are repeated on an open path.
+    fn neighbour(&self, segment: usize, i: usize) -> usize {
+        let count = self.keys.len();
+        if self.closed {
+            (segment + count + i - 1) % count
+        } else {
+            (segment + i).saturating_sub(1).min(count - 1)
+        }
+    }
+}
+
+/// Weights of four equally spaced values at `t` of the way from the second to the third.
+fn catmull_rom(t: f64) -> [f64; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [
+        0.5 * (-t3 + 2.0 * t2 - t),
+        0.5 * (3.0 * t3 - 5.0 * t2 + 2.0),
+        0.5 * (-3.0 * t3 + 4.0 * t2 + t),
+        0.5 * (t3 - t2),
+    ]
+}

@@ -1,0 +1,83 @@
+//! Camera paths: lists of cameras to render a film or a set of views from.
+//!
+//! Paths are made from the cameras of a capture's train photos, in scene space, so that they work
+//! from a saved model as well. The paths of the photos themselves are
+//! [`Scene::cameras`](crate::Scene::cameras).
+
+mod keyframes;
+mod orbit;
+mod shape;
+mod spiral;
+
+pub use keyframes::{KeyframeOptions, keyframes};
+pub use orbit::orbit;
+pub use spiral::spiral;
+
+use crate::camera::{Camera, Distortion, Intrinsics};
+
+/// Why a camera path could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PathError {
+    /// No frames, or frames without pixels, were asked for.
+    #[error("a camera path needs at least one frame and one pixel, not {frames} frame(s) of {}×{}", size.0, size.1)]
+    Empty {
+        /// Frames asked for.
+        frames: usize,
+        /// Width and height asked for.
+        size: (u32, u32),
+    },
+    /// Too few cameras to fit a path to.
+    #[error("a path needs at least {needed} camera(s) to be fitted to, and there are {given}")]
+    TooFewCameras {
+        /// The least number.
+        needed: usize,
+        /// The number given.
+        given: usize,
+    },
+    /// The file is not JSON, or not of a known form.
+    #[error("{0}")]
+    Unreadable(String),
+    /// One frame or keyframe of a file is wrong.
+    #[error("{kind} {index}: {problem}")]
+    Frame {
+        /// "frame" or "keyframe".
+        kind: &'static str,
+        /// Its number, from 0.
+        index: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+/// Refuses paths without frames or pixels.
+fn check_request(frames: usize, size: (u32, u32)) -> Result<(), PathError> {
+    if frames == 0 || size.0 == 0 || size.1 == 0 {
+        return Err(PathError::Empty { frames, size });
+    }
+    Ok(())
+}
+
+/// An ideal pinhole with square pixels whose picture of `size` pixels shows no more, across or
+/// down, than the median photo did: rendering wider shows what was never photographed.
+fn median_lens(cameras: &[Camera], size: (u32, u32)) -> Intrinsics {
+    let median = |of: fn(&Intrinsics) -> f64| {
+        let mut values: Vec<f64> = cameras.iter().map(|c| of(&c.intrinsics)).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(1.0)
+    };
+    let across = median(|k| k.fl_x / f64::from(k.width)) * f64::from(size.0);
+    let down = median(|k| k.fl_y / f64::from(k.height)) * f64::from(size.1);
+    pinhole(across.max(down), size)
+}
+
+fn pinhole(focal: f64, (width, height): (u32, u32)) -> Intrinsics {
+    Intrinsics {
+        width,
+        height,
+        fl_x: focal,
+        fl_y: focal,
+        cx: 0.5 * f64::from(width),
+        cy: 0.5 * f64::from(height),
+        distortion: Distortion::default(),
+    }
+}

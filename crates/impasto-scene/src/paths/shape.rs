@@ -1,0 +1,112 @@
+//! How the cameras of a capture stand: which way is up and what they look at.
+
+use glam::{DMat3, DMat4, DVec3};
+
+use crate::camera::Camera;
+
+/// The common geometry of a capture's cameras.
+pub(super) struct Shape {
+    /// Unit vector away from the ground.
+    pub(super) up: DVec3,
+    /// The point nearest to all viewing axes.
+    pub(super) target: DVec3,
+    /// Mean camera centre.
+    pub(super) middle: DVec3,
+    /// Root mean square distance of the cameras from `middle`.
+    pub(super) extent: f64,
+    /// Mean of the unit viewing directions; its length is 1 when all are parallel.
+    pub(super) gaze: DVec3,
+}
+
+impl Shape {
+    /// The shape of at least one camera.
+    pub(super) fn of(cameras: &[Camera]) -> Self {
+        let middle = mean(cameras, Camera::centre);
+        let extent = (cameras
+            .iter()
+            .map(|c| c.centre().distance_squared(middle))
+            .sum::<f64>()
+            / cameras.len() as f64)
+            .sqrt();
+        Self {
+            up: up(cameras),
+            target: target(cameras, middle, extent),
+            middle,
+            extent,
+            gaze: mean(cameras, Camera::forward),
+        }
+    }
+}
+
+fn mean(cameras: &[Camera], of: impl Fn(&Camera) -> DVec3) -> DVec3 {
+    cameras.iter().map(of).sum::<DVec3>() / cameras.len() as f64
+}
+
+/// The direction closest to the cameras' own ups that is level with their horizontal axes.
+///
+/// The mean of the ups alone leans forward or back when an arc is photographed from above or
+/// below; people keep the camera's x axis level, so leaning towards any x axis is penalised.
+fn up(cameras: &[Camera]) -> DVec3 {
+    const TRUST_IN_MEAN: f64 = 0.05;
+    let mean_up = mean(cameras, |c| -c.camera_to_world.y_axis.truncate());
+    let across = cameras.iter().fold(DMat3::ZERO, |sum, c| {
+        let x = c.camera_to_world.x_axis.truncate();
+        sum + outer(x)
+    });
+    let system = across * (1.0 / cameras.len() as f64) + DMat3::IDENTITY * TRUST_IN_MEAN;
+    (system.inverse() * mean_up)
+        .try_normalize()
+        .unwrap_or_else(|| -cameras[0].camera_to_world.y_axis.truncate())
+}
+
+/// The point nearest to all viewing axes, by least squares with weights that fall with a line's
+/// distance, so that a few photos of something else do not pull it away.
+fn target(cameras: &[Camera], middle: DVec3, extent: f64) -> DVec3 {
+    const ROUNDS: usize = 20;
+    // Keeps the point near the cameras along directions in which parallel axes leave it open.
+    const PULL: f64 = 1e-4;
+    let softening = 0.05 * extent + 1e-9;
+    let mut point = middle;
+    let mut weights = vec![1.0; cameras.len()];
+    for _ in 0..ROUNDS {
+        let total: f64 = weights.iter().sum();
+        let mut system = DMat3::IDENTITY * (PULL * total);
+        let mut right = middle * (PULL * total);
+        for (camera, &weight) in cameras.iter().zip(&weights) {
+            let off_axis = off_axis(camera);
+            system += off_axis * weight;
+            right += off_axis * camera.centre() * weight;
+        }
+        point = system.inverse() * right;
+        for (camera, weight) in cameras.iter().zip(&mut weights) {
+            let distance = (off_axis(camera) * (point - camera.centre())).length();
+            *weight = 1.0 / (distance + softening);
+        }
+    }
+    point
+}
+
+/// The projection onto the plane across a camera's viewing axis.
+fn off_axis(camera: &Camera) -> DMat3 {
+    DMat3::IDENTITY - outer(camera.forward())
+}
+
+fn outer(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+/// A camera pose at `position` that looks along `forward` with the horizon level.
+pub(super) fn looking(position: DVec3, forward: DVec3, up: DVec3) -> DMat4 {
+    let z = forward.normalize_or(DVec3::Z);
+    let x = z
+        .cross(up)
+        .try_normalize()
+        .unwrap_or_else(|| z.any_orthonormal_vector());
+    let y = z.cross(x);
+    DMat4::from_cols(
+        x.extend(0.0),
+        y.extend(0.0),
+        z.extend(0.0),
+        position.extend(1.0),
+    )
+}

@@ -1,0 +1,240 @@
+//! COLMAP sparse models: `cameras`, `images` and (optional) `points3D`, binary or text.
+//!
+//! COLMAP's pixel coordinates have the upper left pixel's centre at (½, ½), as ours do.
+
+mod bin;
+mod bytes;
+mod txt;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DQuat, DVec2, DVec3};
+
+use super::{Capture, Frame, RawPoint};
+use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::error::SceneError;
+use crate::pose;
+
+/// COLMAP's lens models: name and number of parameters, by COLMAP's model number.
+const MODELS: [(&str, usize); 12] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+];
+
+/// An `images` record: world-to-camera pose and the pixels of its features.
+struct Image {
+    id: u32,
+    /// w, x, y, z.
+    rotation: [f64; 4],
+    translation: [f64; 3],
+    camera: u32,
+    name: String,
+    features: Vec<DVec2>,
+}
+
+/// A `points3D` record; `track` pairs an image's id with the index of a feature in it.
+struct Point {
+    position: [f64; 3],
+    colour: [u8; 3],
+    error: f64,
+    track: Vec<(u32, u32)>,
+}
+
+type Lenses = HashMap<u32, Intrinsics>;
+
+/// Reads the model in the folder `model`.
+pub(crate) fn read(model: &Path, binary: bool) -> Result<Capture, SceneError> {
+    let extension = if binary { "bin" } else { "txt" };
+    let file = |name: &str| model.join(format!("{name}.{extension}"));
+    let (lenses, images) = if binary {
+        (
+            bin::cameras(&file("cameras"))?,
+            bin::images(&file("images"))?,
+        )
+    } else {
+        (
+            txt::cameras(&file("cameras"))?,
+            txt::images(&file("images"))?,
+        )
+    };
+    let points = match file("points3D") {
+        path if !path.is_file() => Vec::new(),
+        path if binary => bin::points(&path)?,
+        path => txt::points(&path)?,
+    };
+    let photos = photo_folder(model);
+    let path = file("images");
+    let frames = images
+        .iter()
+        .map(|image| frame(image, &lenses, &photos, &path))
+        .collect::<Result<_, _>>()?;
+    Ok(Capture {
+        frames,
+        points: join_tracks(points, &images, &file("points3D"))?,
+        synthetic: false,
+    })
+}
+
+/// The `images` folder beside the model or up to two folders above it.
+fn photo_folder(model: &Path) -> PathBuf {
+    let beside = model.join("images");
+    let above = |path: &Path| path.parent().map(|p| p.join("images"));
+    let candidates = [
+        Some(beside.clone()),
+        above(model),
+        model.parent().and_then(above),
+    ];
+    candidates
+        .into_iter()
+        .flatten()
+        .find(|p| p.is_dir())
+        .unwrap_or(beside)
+}
+
+fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<Frame, SceneError> {
+    let Some(&intrinsics) = lenses.get(&image.camera) else {
+        return Err(SceneError::malformed(
+            path,
+            format!("frame {}", image.name),
+            format!(
+                "it uses camera {}, which the cameras file does not have",
+                image.camera
+            ),
+        ));
+    };
+    let wrong_pose = |problem: String| SceneError::Pose {
+        path: path.to_owned(),
+        frame: image.name.clone(),
+        problem,
+    };
+    let [w, x, y, z] = image.rotation;
+    let rotation = DQuat::from_xyzw(x, y, z, w);
+    let translation = DVec3::from_array(image.translation);
+    if !rotation.is_finite() || !translation.is_finite() {
+        return Err(wrong_pose("holds NaN or infinite numbers".into()));
+    }
+    if (rotation.length() - 1.0).abs() > 1e-3 {
+        return Err(wrong_pose(format!(
+            "is not a rotation (its quaternion has length {:.3}, which should be 1)",
+            rotation.length()
+        )));
+    }
+    let camera_to_world =
+        DMat4::from_rotation_translation(rotation.normalize(), translation).inverse();
+    Ok(Frame {
+        name: image.name.clone(),
+        photo: photos.join(&image.name),
+        camera: Camera {
+            intrinsics,
+            camera_to_world: pose::rigid(camera_to_world).map_err(wrong_pose)?,
+        },
+        split: None,
+    })
+}
+
+/// Turns tracks into pixels. Images that the model no longer has (people thin models by hand) are
+/// left out of a track.
+fn join_tracks(
+    points: Vec<Point>,
+    images: &[Image],
+    path: &Path,
+) -> Result<Vec<RawPoint>, SceneError> {
+    let index: HashMap<u32, usize> = images
+        .iter()
+        .enumerate()
+        .map(|(i, image)| (image.id, i))
+        .collect();
+    let mut joined = Vec::with_capacity(points.len());
+    for (number, point) in points.into_iter().enumerate() {
+        let position = DVec3::from_array(point.position);
+        let place = || format!("point {}", number + 1);
+        if !position.is_finite() {
+            return Err(SceneError::malformed(
+                path,
+                place(),
+                "its position is NaN or infinite",
+            ));
+        }
+        let mut seen_by = Vec::with_capacity(point.track.len());
+        for (image, feature) in point.track {
+            let Some(&frame) = index.get(&image) else {
+                continue;
+            };
+            let Some(&pixel) = images[frame].features.get(feature as usize) else {
+                let problem = format!(
+                    "it refers to feature {feature} of {}, which has none such",
+                    images[frame].name
+                );
+                return Err(SceneError::malformed(path, place(), problem));
+            };
+            seen_by.push((frame, pixel));
+        }
+        joined.push(RawPoint {
+            position,
+            colour: point.colour,
+            seen_by,
+            error: point.error,
+        });
+    }
+    Ok(joined)
+}
+
+/// Builds a lens from a model's name and parameters in COLMAP's order.
+fn lens(
+    model: &str,
+    size: (u64, u64),
+    p: &[f64],
+    path: &Path,
+    place: &str,
+) -> Result<Intrinsics, SceneError> {
+    let radial = |k1, k2| Distortion {
+        k1,
+        k2,
+        ..Distortion::default()
+    };
+    let (fl_x, fl_y, cx, cy, distortion) = match (model, p) {
+        ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy, Distortion::default()),
+        ("PINHOLE", &[fx, fy, cx, cy]) => (fx, fy, cx, cy, Distortion::default()),
+        ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => (f, f, cx, cy, radial(k1, 0.0)),
+        ("RADIAL", &[f, cx, cy, k1, k2]) => (f, f, cx, cy, radial(k1, k2)),
+        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
+            (fx, fy, cx, cy, Distortion { k1, k2, p1, p2 })
+        }
+        ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV", _) => {
+            let problem = format!("{} parameters do not fit the lens model {model}", p.len());
+            return Err(SceneError::malformed(path, place, problem));
+        }
+        _ => {
+            return Err(SceneError::LensModel {
+                path: path.to_owned(),
+                place: place.to_owned(),
+                model: model.to_owned(),
+            });
+        }
+    };
+    let side = |side: u64| u32::try_from(side).unwrap_or(0);
+    let intrinsics = Intrinsics {
+        width: side(size.0),
+        height: side(size.1),
+        fl_x,
+        fl_y,
+        cx,
+        cy,
+        distortion,
+    };
+    intrinsics
+        .check()
+        .map_err(|problem| SceneError::malformed(path, place, problem))?;
+    Ok(intrinsics)
+}

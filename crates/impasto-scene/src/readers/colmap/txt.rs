@@ -1,0 +1,162 @@
+//! COLMAP's text files.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use glam::DVec2;
+
+use super::{Image, Lenses, Point, lens};
+use crate::error::{SceneError, read_text};
+
+/// The fields of one line; every failure names the file and the line.
+struct Fields<'a> {
+    path: &'a Path,
+    line: usize,
+    /// What is left, without white space at either end.
+    rest: &'a str,
+}
+
+impl<'a> Fields<'a> {
+    fn new(path: &'a Path, line: usize, text: &'a str) -> Self {
+        Self {
+            path,
+            line,
+            rest: text.trim(),
+        }
+    }
+
+    fn place(&self) -> String {
+        format!("line {}", self.line)
+    }
+
+    fn word(&mut self, what: &str) -> Result<&'a str, SceneError> {
+        if self.rest.is_empty() {
+            return Err(SceneError::malformed(
+                self.path,
+                self.place(),
+                format!("the {what} is missing"),
+            ));
+        }
+        let (word, rest) = self
+            .rest
+            .split_once(|c: char| c.is_ascii_whitespace())
+            .unwrap_or((self.rest, ""));
+        self.rest = rest.trim_start();
+        Ok(word)
+    }
+
+    fn next<T: FromStr>(&mut self, what: &str) -> Result<T, SceneError> {
+        let word = self.word(what)?;
+        word.parse().map_err(|_| {
+            SceneError::malformed(
+                self.path,
+                self.place(),
+                format!("\"{word}\" is not a valid {what}"),
+            )
+        })
+    }
+
+    fn three<T: FromStr + Copy>(&mut self, what: &str) -> Result<[T; 3], SceneError> {
+        Ok([self.next(what)?, self.next(what)?, self.next(what)?])
+    }
+
+    /// Everything up to the end of the line, spaces included.
+    fn remainder(&mut self, what: &str) -> Result<&'a str, SceneError> {
+        let remainder = self.rest;
+        self.word(what)?;
+        Ok(remainder)
+    }
+
+    fn is_empty(&self) -> bool {
+        self.rest.is_empty()
+    }
+}
+
+/// Lines with their numbers, comments left out. Empty lines stay: an image without features has
+/// one.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines()
+        .enumerate()
+        .map(|(index, line)| (index + 1, line.trim()))
+        .filter(|(_, line)| !line.starts_with('#'))
+}
+
+/// Reads `cameras.txt`.
+pub(super) fn cameras(path: &Path) -> Result<Lenses, SceneError> {
+    let text = read_text(path)?;
+    let mut lenses = Lenses::new();
+    for (line, content) in lines(&text).filter(|(_, content)| !content.is_empty()) {
+        let mut fields = Fields::new(path, line, content);
+        let id = fields.next("camera id")?;
+        let model = fields.word("lens model")?;
+        let size = (fields.next("width")?, fields.next("height")?);
+        let mut values = Vec::new();
+        while !fields.is_empty() {
+            values.push(fields.next("lens parameter")?);
+        }
+        lenses.insert(
+            id,
+            lens(model, size, &values, path, &format!("camera {id}"))?,
+        );
+    }
+    Ok(lenses)
+}
+
+/// Reads `images.txt`: two lines for each image, the second one empty when it has no features.
+pub(super) fn images(path: &Path) -> Result<Vec<Image>, SceneError> {
+    let text = read_text(path)?;
+    let mut lines = lines(&text);
+    let mut images = Vec::new();
+    while let Some((line, content)) = lines.find(|(_, content)| !content.is_empty()) {
+        let mut fields = Fields::new(path, line, content);
+        let id = fields.next("image id")?;
+        let w = fields.next("quaternion")?;
+        let [x, y, z] = fields.three("quaternion")?;
+        let translation = fields.three("translation")?;
+        let camera = fields.next("camera id")?;
+        let name = fields.remainder("image name")?.to_owned();
+        let (line, content) = lines.next().unwrap_or((line + 1, ""));
+        let mut fields = Fields::new(path, line, content);
+        let mut features = Vec::new();
+        while !fields.is_empty() {
+            features.push(DVec2::new(
+                fields.next("feature position")?,
+                fields.next("feature position")?,
+            ));
+            fields.next::<i64>("point id")?;
+        }
+        images.push(Image {
+            id,
+            rotation: [w, x, y, z],
+            translation,
+            camera,
+            name,
+            features,
+        });
+    }
+    Ok(images)
+}
+
+/// Reads `points3D.txt`.
+pub(super) fn points(path: &Path) -> Result<Vec<Point>, SceneError> {
+    let text = read_text(path)?;
+    let mut points = Vec::new();
+    for (line, content) in lines(&text).filter(|(_, content)| !content.is_empty()) {
+        let mut fields = Fields::new(path, line, content);
+        fields.next::<u64>("point id")?;
+        let position = fields.three("position")?;
+        let colour = fields.three("colour")?;
+        let error = fields.next("error")?;
+        let mut track = Vec::new();
+        while !fields.is_empty() {
+            track.push((fields.next("image id")?, fields.next("feature index")?));
+        }
+        points.push(Point {
+            position,
+            colour,
+            error,
+            track,
+        });
+    }
+    Ok(points)
+}

@@ -1,0 +1,67 @@
+//! Readers of capture formats. Each turns its files into one [`Capture`].
+
+pub(crate) mod colmap;
+pub(crate) mod transforms;
+
+use std::path::PathBuf;
+
+use glam::{DVec2, DVec3};
+
+use crate::camera::Camera;
+use crate::detect::Located;
+use crate::error::SceneError;
+use crate::scene::Split;
+
+/// A capture in its own coordinates, before any photo is decoded.
+#[derive(Debug, Default)]
+pub(crate) struct Capture {
+    pub(crate) frames: Vec<Frame>,
+    pub(crate) points: Vec<RawPoint>,
+    /// Whether the files say that the photos are rendered.
+    pub(crate) synthetic: bool,
+}
+
+/// One posed photo as its format describes it.
+#[derive(Debug)]
+pub(crate) struct Frame {
+    pub(crate) name: String,
+    pub(crate) photo: PathBuf,
+    /// Camera at the size that the format states.
+    pub(crate) camera: Camera,
+    /// The split, when the format has one.
+    pub(crate) split: Option<Split>,
+}
+
+/// One sparse point, with `(index of the frame, pixel at the camera's stated size)`.
+#[derive(Debug)]
+pub(crate) struct RawPoint {
+    pub(crate) position: DVec3,
+    pub(crate) colour: [u8; 3],
+    pub(crate) seen_by: Vec<(usize, DVec2)>,
+    pub(crate) error: f64,
+}
+
+pub(crate) fn read(located: &Located) -> Result<Capture, SceneError> {
+    match located {
+        Located::Colmap { model, binary } => colmap::read(model, *binary),
+        Located::Transforms { files } => transforms::read(files),
+    }
+}
+
+impl Capture {
+    /// Orders the frames by name, and the points' references to them with it.
+    pub(crate) fn sort_by_name(&mut self) {
+        let mut order: Vec<usize> = (0..self.frames.len()).collect();
+        order.sort_by(|&a, &b| self.frames[a].name.cmp(&self.frames[b].name));
+        let mut place = vec![0; order.len()];
+        for (to, &from) in order.iter().enumerate() {
+            place[from] = to;
+        }
+        for point in &mut self.points {
+            for (frame, _) in &mut point.seen_by {
+                *frame = place[*frame];
+            }
+        }
+        self.frames.sort_by(|a, b| a.name.cmp(&b.name));
+    }
+}

@@ -1,0 +1,90 @@
+//! What training tells the world. Bars, the JSON log and the studio only consume this.
+
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Which of the two trainings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Photos → field (PAPER §4).
+    Geometry,
+    /// Paintings → hypernetwork (PAPER §8).
+    Style,
+}
+
+/// One thing that happened.
+#[derive(Debug, Clone, Serialize)]
+#[serde(rename_all = "snake_case", tag = "event")]
+pub enum Event {
+    /// The capture is read.
+    Loaded {
+        /// Training photos.
+        train_photos: usize,
+        /// Held-out photos.
+        test_photos: usize,
+        /// Width and height of the first photo as trained.
+        size: [u32; 2],
+        /// Style images.
+        paintings: usize,
+        /// Whether the photos were made by a program.
+        synthetic: bool,
+    },
+    /// A stage begins.
+    StageStarted {
+        /// Which.
+        stage: Stage,
+        /// Planned length in seconds, if the budget is a time.
+        seconds: Option<f64>,
+        /// Planned steps, if the budget is a count.
+        steps: Option<u64>,
+    },
+    /// Some steps are done (reported a few times a second at most).
+    Step {
+        /// Which.
+        stage: Stage,
+        /// Steps so far.
+        step: u64,
+        /// Part of the stage that is done, in `[0, 1]`.
+        progress: f64,
+        /// Smoothed loss.
+        loss: f64,
+        /// Steps a second.
+        rate: f64,
+        /// Rays a second.
+        rays_per_second: f64,
+        /// Seconds left.
+        eta: f64,
+    },
+    /// Held-out views were rendered and compared with their photos.
+    Validation {
+        /// Steps so far.
+        step: u64,
+        /// Mean peak signal-to-noise ratio, dB.
+        psnr: f64,
+        /// Mean structural similarity.
+        ssim: f64,
+        /// Number of views.
+        views: usize,
+    },
+    /// A picture of the current state was written.
+    Preview {
+        /// File.
+        path: PathBuf,
+    },
+    /// The model was written.
+    Checkpoint {
+        /// File.
+        path: PathBuf,
+    },
+    /// Something deserves attention; training goes on.
+    Warning {
+        /// One sentence.
+        message: String,
+    },
+    /// All done.
+    Done {
+        /// Seconds since the start.
+        seconds: f64,
+    },
+}

@@ -1,0 +1,235 @@
+//! Photos → field (PAPER §4).
+
+use crate::budget::Clock;
+use crate::config::{GeometryConfig, TrainConfig};
+use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
+use burn::tensor::{Device, Gradients, Tensor};
+use glam::{DVec3, DVec4, Vec4Swizzles};
+use impasto_field::{
+    Appearance, BranchWeights, Field, FieldWeights, Grids, RayBatch, Samples, contracted_distance, encoding::matrix,
+    render::host,
+};
+use impasto_kernels::ops::AdamParam;
+use impasto_scene::{Camera, Scene, Split};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Steps during which nothing is skipped, so that every place has its chance to form.
+const GRID_WARMUP: u64 = 128;
+/// Share of the cells looked at, at each update.
+const GRID_SHARE: f32 = 0.04;
+
+/// A field in training.
+pub struct GeometryStage {
+    field: Field,
+    config: GeometryConfig,
+    photos: Vec<PhotoRays>,
+    surfaces: Vec<KnownSurface>,
+    params: Params,
+    app: Appearance,
+    grids: Grids,
+    candidates: Grids,
+    rng: Pcg64,
+    samples_per_ray: f32,
+    step: u64,
+}
+
+/// What one step did.
+#[derive(Debug, Clone, Copy)]
+pub struct StepReport {
+    /// Mean squared error of the colours.
+    pub loss: f64,
+    /// Rays used.
+    pub rays: usize,
+}
+
+/// Adam's view of everything the stage learns: encoding, base, geo of both volumes, then app.
+struct Params {
+    branches: [[AdamParam; 3]; 2],
+    app: [AdamParam; 2],
+}
+
+impl Params {
+    fn new(weights: FieldWeights, app: &Appearance) -> Self {
+        let branch = |w: BranchWeights| [w.encoding, w.base, w.geo].map(AdamParam::new);
+        Self {
+            branches: [branch(weights.inner), branch(weights.outer)],
+            app: [&app.inner, &app.outer].map(|w| AdamParam::new(w.clone())),
+        }
+    }
+
+    fn weights(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> FieldWeights {
+        let branch = |p: &[AdamParam; 3]| BranchWeights {
+            encoding: leaf(&p[0]),
+            base: leaf(&p[1]),
+            geo: leaf(&p[2]),
+        };
+        FieldWeights {
+            inner: branch(&self.branches[0]),
+            outer: branch(&self.branches[1]),
+        }
+    }
+}
+
+fn apply(param: &mut AdamParam, leaf: &Tensor<1>, gradients: &mut Gradients, rate: f32, sparse: bool) {
+    if let Some(grad) = leaf.grad_remove(gradients) {
+        param.step(grad, rate, sparse);
+    }
+}
+
+impl GeometryStage {
+    /// Prepares a scene's training photos.
+    pub fn new(scene: &Scene, config: &TrainConfig, seed: u64, device: &Device) -> Self {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let field = Field::new(config.field.clone());
+        let weights = field.init(&mut rng, device);
+        let app = Appearance::init(config.photo_app.clone(), field.features(), &mut rng, device);
+        let cameras = scene.cameras(Split::Train);
+        let candidates = field.visible_grids(|point| seen_by_any(&cameras, point));
+        Self {
+            params: Params::new(weights, &app),
+            app,
+            grids: candidates.clone(),
+            candidates,
+            config: config.geometry.clone(),
+            photos: crate::rays::photo_rays(scene.train().map(|(_, p)| p)),
+            surfaces: known_surfaces(scene),
+            field,
+            rng,
+            samples_per_ray: 256.0,
+            step: 0,
+        }
+    }
+
+    /// The field's sizes.
+    pub fn field(&self) -> &Field {
+        &self.field
+    }
+
+    /// Current weights, grids and photo appearance.
+    pub fn snapshot(&self) -> (FieldWeights, Grids, Appearance) {
+        let app = Appearance {
+            inner: self.params.app[0].value(),
+            outer: self.params.app[1].value(),
+            ..self.app.clone()
+        };
+        (self.params.weights(AdamParam::value), self.grids.clone(), app)
+    }
+
+    /// One optimiser step.
+    pub fn step(&mut self, clock: &Clock) -> StepReport {
+        let progress = clock.progress() as f32;
+        if self.step >= GRID_WARMUP && self.step.is_multiple_of(self.config.grid_every) {
+            let share = if self.step == GRID_WARMUP { 1.0 } else { GRID_SHARE };
+            let weights = self.params.weights(AdamParam::value);
+            self.field.update_grids(&mut self.grids, &weights, &self.candidates, share, &mut self.rng);
+        }
+        let [fewest, most] = self.config.rays;
+        let rays = ((self.config.samples as f32 / self.samples_per_ray) as usize).clamp(fewest, most);
+        let known = if self.surfaces.is_empty() { 0 } else { (rays as f32 * self.config.surface_share) as usize };
+        let targets = draw(&self.photos, &self.surfaces, (rays - known, known), &mut self.rng);
+        let mut samples = self.field.sample(&targets.rays, &self.grids, Some(self.rng.random()));
+        self.samples_per_ray = 0.9 * self.samples_per_ray + 0.1 * samples.len() as f32 / rays as f32;
+        measure_from_surfaces(&mut samples, &targets);
+        let fade = self.config.final_rate.powf(progress);
+        let loss = self.descend(samples, &targets, fade, progress);
+        self.step += 1;
+        StepReport { loss, rays }
+    }
+
+    fn descend(&mut self, samples: Samples, targets: &Targets, fade: f32, progress: f32) -> f64 {
+        let weights = self.params.weights(AdamParam::tracked);
+        let app = Appearance {
+            inner: self.params.app[0].tracked(),
+            outer: self.params.app[1].tracked(),
+            ..self.app.clone()
+        };
+        let rays = targets.rays.len();
+        let out = self.field.geometry(&weights, samples).composite(&app);
+        let target = matrix(targets.colours.clone(), 3, &out.device());
+        let error = (out.clone().slice([0..rays, 0..3]) - target).square().mean();
+        let column = |i: usize| out.clone().slice([0..rays, i..i + 1]);
+        let known = targets.distances.iter().filter(|d| d.is_some()).count().max(1);
+        // Too early, the distortion measure freezes whatever haze there is.
+        let distortion = self.config.distortion * (progress * 10.0).min(1.0);
+        let surface = self.config.surface * (1.0 - progress).powi(2) * rays as f32 / known as f32;
+        let loss = error.clone() + column(5).mean() * distortion + column(4).mean() * surface;
+        let mut gradients = loss.backward();
+        let (grid_rate, network_rate) = (self.config.grid_rate * fade, self.config.network_rate * fade);
+        for (params, leaves) in self.params.branches.iter_mut().zip([&weights.inner, &weights.outer]) {
+            let leaves = [&leaves.encoding, &leaves.base, &leaves.geo];
+            for (i, (param, leaf)) in params.iter_mut().zip(leaves).enumerate() {
+                apply(param, leaf, &mut gradients, if i == 0 { grid_rate } else { network_rate }, i == 0);
+            }
+        }
+        for (param, leaf) in self.params.app.iter_mut().zip([&app.inner, &app.outer]) {
+            apply(param, leaf, &mut gradients, network_rate, false);
+        }
+        f64::from(host(error.inner())[0])
+    }
+}
+
+/// Replaces the samples' depths by their distance from the surface that is known on their ray, or
+/// by zero: the composite's expected depth becomes the expected distance from that surface.
+fn measure_from_surfaces(samples: &mut Samples, targets: &Targets) {
+    let layout = &mut samples.layout;
+    layout.depths.fill(0.0);
+    for (span, distance) in layout.rays.iter().zip(&targets.distances) {
+        let Some(distance) = distance else { continue };
+        let surface = contracted_distance(*distance);
+        for i in span.inner.clone().chain(span.outer.clone()) {
+            layout.depths[i] = (layout.distances[i] - surface).abs();
+        }
+    }
+}
+
+/// Whether a point, given as `(x', y', z', 1/r)`-like homogeneous coordinates, is in any view.
+fn seen_by_any(cameras: &[Camera], point: [f32; 4]) -> bool {
+    let p = DVec4::from(point.map(f64::from));
+    // Towards infinity the direction is all that counts.
+    let position: DVec3 = p.xyz() / p.w.max(1e-4);
+    cameras.iter().any(|camera| {
+        camera.project(position).is_some_and(|(pixel, _)| {
+            let k = &camera.intrinsics;
+            // A margin of a tenth of the image: cells are larger than their centres.
+            let margin = 0.1 * f64::from(k.width.max(k.height));
+            pixel.x > -margin
+                && pixel.y > -margin
+                && pixel.x < f64::from(k.width) + margin
+                && pixel.y < f64::from(k.height) + margin
+        })
+    })
+}
+
+/// Sparse points as pixels of the training photos with known distance. Points that fewer than
+/// three photos agree on, or that reproject badly, are not trusted.
+fn known_surfaces(scene: &Scene) -> Vec<KnownSurface> {
+    let mut index = vec![None; scene.photos.len()];
+    for (position, (i, _)) in scene.train().enumerate() {
+        index[i] = Some(position);
+    }
+    let mut surfaces = Vec::new();
+    for point in scene.points.iter().filter(|p| p.seen_by.len() >= 3 && p.error < 2.0) {
+        for seen in &point.seen_by {
+            let Some(photo) = index[seen.photo] else { continue };
+            let camera = &scene.photos[seen.photo].camera;
+            let k = &camera.intrinsics;
+            let (x, y) = (seen.pixel.x.floor(), seen.pixel.y.floor());
+            if x >= 0.0 && y >= 0.0 && x < f64::from(k.width) && y < f64::from(k.height) {
+                surfaces.push(KnownSurface {
+                    photo,
+                    pixel: y as usize * k.width as usize + x as usize,
+                    distance: point.position.distance(camera.centre()) as f32,
+                });
+            }
+        }
+    }
+    surfaces
+}
+
+/// Renders all pixels of a camera with the photo appearance; `height × width × 3`.
+pub fn render_photo(stage: &GeometryStage, rays: &RayBatch) -> Vec<f32> {
+    let (weights, grids, app) = stage.snapshot();
+    let mut rendered = impasto_field::render_rays(stage.field(), &weights, &grids, &[&app], rays);
+    rendered.colours.swap_remove(0)
+}
