@@ -41,7 +41,7 @@ pub struct Grids {
 /// Opacity of a marching step under which a cell counts as empty.
 const EMPTY: f32 = 0.01;
 /// How much of a cell's opacity is remembered between two looks.
-const MEMORY: f32 = 0.9;
+const MEMORY: f32 = 0.6;
 
 impl Field {
     /// A field of the given sizes.

@@ -51,6 +51,23 @@ impl Geometry {
         composite::weights(&self.layout, &host(self.density.clone()))
     }
 
+    /// The samples that light reaches: those whose transmittance from the camera is at least
+    /// `least`, and the farthest of each ray. What lies behind a surface can be left out of a
+    /// training step, because nothing in front of it changes its colour.
+    pub fn lit_samples(self, least: f32) -> Samples {
+        let density = host(self.density);
+        let mut keep = vec![true; density.len()];
+        for span in &self.layout.rays {
+            let mut optical_depth = 0.0;
+            for i in span.inner.clone().chain(span.outer.clone()) {
+                keep[i] = optical_depth <= -least.ln();
+                optical_depth += density[i] * self.layout.deltas[i];
+            }
+            keep[span.outer.end - 1] = true;
+        }
+        self.samples.pruned(&keep).0
+    }
+
     /// Drops samples that contribute less than `least`; the farthest of each ray stays. Only for
     /// geometry outside of an autodiff graph.
     pub fn pruned(self, least: f32) -> Self {
@@ -103,6 +120,14 @@ impl Field {
     /// Marches rays through the grids; see [`march`].
     pub fn sample(&self, rays: &RayBatch, grids: &Grids, seed: Option<u64>) -> Samples {
         march(rays, &self.config.sampling, grids, seed)
+    }
+
+    /// The same with steps `coarseness` times as long, for a field that has not formed yet.
+    pub fn sample_coarsely(&self, rays: &RayBatch, grids: &Grids, seed: u64, coarseness: f32) -> Samples {
+        let mut sampling = self.config.sampling.clone();
+        sampling.inner_step *= coarseness;
+        sampling.outer_steps = ((sampling.outer_steps as f32 / coarseness) as usize).max(1);
+        march(rays, &sampling, grids, Some(seed))
     }
 
     /// Features and densities of samples.

@@ -1,1 +1,21 @@
-//! wip
+//! Everything about style: perceptual features, the style-VAE, the hypernetwork, losses, patches.
+//!
+//! Knows nothing of photos' cameras or of scenes; it predicts "weights of `app`", whatever
+//! their use.
+
+mod error;
+mod hypernetwork;
+pub mod losses;
+mod patch;
+pub mod perceptual;
+mod picture;
+mod tensors;
+mod vae;
+
+pub use error::StyleError;
+pub use hypernetwork::{Hypernetwork, HypernetworkWeights};
+pub use patch::{Patch, PatchSampler};
+pub use perceptual::{Features, Perceptual, Statistics};
+pub use picture::{picture, square_crop};
+pub use tensors::{TensorFile, write_f16};
+pub use vae::{StyleCode, StyleVae, VaeTraining, train_vae};

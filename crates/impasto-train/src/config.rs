@@ -93,11 +93,11 @@ impl TrainConfig {
         };
         Self {
             field: FieldConfig {
-                inner: volume(grid(17, 1024.0)),
-                outer: volume(grid(17, 1024.0)),
+                inner: volume(grid(16, 1024.0)),
+                outer: volume(grid(16, 1024.0)),
                 sampling: SamplingConfig {
-                    inner_step: 0.006,
-                    outer_steps: 192,
+                    inner_step: 0.01,
+                    outer_steps: 128,
                     inner_grid: 96,
                     outer_grid: 96,
                     near: 0.05,
@@ -122,7 +122,7 @@ impl TrainConfig {
                 }),
             },
             geometry: GeometryConfig {
-                samples: 100_000,
+                samples: 60_000,
                 rays: [512, 8192],
                 grid_rate: 1e-2,
                 network_rate: 3e-3,

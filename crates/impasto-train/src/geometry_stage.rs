@@ -6,7 +6,7 @@ use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
 use burn::tensor::{Device, Gradients, Tensor};
 use glam::{DVec3, DVec4, Vec4Swizzles};
 use impasto_field::{
-    Appearance, BranchWeights, Field, FieldWeights, Grids, RayBatch, Samples, contracted_distance, encoding::matrix,
+    Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, contracted_distance, encoding::matrix,
     render::host,
 };
 use impasto_kernels::ops::AdamParam;
@@ -15,9 +15,15 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// Steps during which nothing is skipped, so that every place has its chance to form.
-const GRID_WARMUP: u64 = 128;
-/// Share of the cells looked at, at each update.
-const GRID_SHARE: f32 = 0.04;
+const GRID_WARMUP: u64 = 32;
+/// Samples with less transmittance than this in front of them are left out of a step.
+const LIT: f32 = 1e-3;
+/// Share of the cells looked at, at each update: many while the field forms, then few.
+const GRID_SHARES: [f32; 2] = [0.5, 0.15];
+/// Steps after which the field has formed.
+const GRID_FORMED: u64 = 300;
+/// How much longer steps are until then.
+const COARSENESS: f32 = 2.5;
 
 /// A field in training.
 pub struct GeometryStage {
@@ -96,7 +102,7 @@ impl GeometryStage {
             surfaces: known_surfaces(scene),
             field,
             rng,
-            samples_per_ray: 256.0,
+            samples_per_ray: 100.0,
             step: 0,
         }
     }
@@ -120,7 +126,10 @@ impl GeometryStage {
     pub fn step(&mut self, clock: &Clock) -> StepReport {
         let progress = clock.progress() as f32;
         if self.step >= GRID_WARMUP && self.step.is_multiple_of(self.config.grid_every) {
-            let share = if self.step == GRID_WARMUP { 1.0 } else { GRID_SHARE };
+            let share = match self.step {
+                GRID_WARMUP => 1.0,
+                step => GRID_SHARES[usize::from(step > GRID_FORMED)],
+            };
             let weights = self.params.weights(AdamParam::value);
             self.field.update_grids(&mut self.grids, &weights, &self.candidates, share, &mut self.rng);
         }
@@ -128,8 +137,16 @@ impl GeometryStage {
         let rays = ((self.config.samples as f32 / self.samples_per_ray) as usize).clamp(fewest, most);
         let known = if self.surfaces.is_empty() { 0 } else { (rays as f32 * self.config.surface_share) as usize };
         let targets = draw(&self.photos, &self.surfaces, (rays - known, known), &mut self.rng);
-        let mut samples = self.field.sample(&targets.rays, &self.grids, Some(self.rng.random()));
+        let seed = self.rng.random();
+        let mut samples = match self.step < GRID_FORMED {
+            true => self.field.sample_coarsely(&targets.rays, &self.grids, seed, COARSENESS),
+            false => self.field.sample(&targets.rays, &self.grids, Some(seed)),
+        };
         self.samples_per_ray = 0.9 * self.samples_per_ray + 0.1 * samples.len() as f32 / rays as f32;
+        if self.step >= GRID_WARMUP {
+            let weights = self.params.weights(AdamParam::value);
+            samples = self.field.geometry(&weights, samples).lit_samples(LIT);
+        }
         measure_from_surfaces(&mut samples, &targets);
         let fade = self.config.final_rate.powf(progress);
         let loss = self.descend(samples, &targets, fade, progress);
@@ -225,11 +242,4 @@ fn known_surfaces(scene: &Scene) -> Vec<KnownSurface> {
         }
     }
     surfaces
-}
-
-/// Renders all pixels of a camera with the photo appearance; `height × width × 3`.
-pub fn render_photo(stage: &GeometryStage, rays: &RayBatch) -> Vec<f32> {
-    let (weights, grids, app) = stage.snapshot();
-    let mut rendered = impasto_field::render_rays(stage.field(), &weights, &grids, &[&app], rays);
-    rendered.colours.swap_remove(0)
 }

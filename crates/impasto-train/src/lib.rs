@@ -1,6 +1,31 @@
-//! The two training stages.
+//! The two training stages, schedules, budgets, model files and the event stream.
+//!
+//! [`train`] is a whole run; [`GeometryStage`] and [`StyleStage`] are its halves, usable alone.
+//! [`Model`] is what comes out.
+
 pub mod budget;
 pub mod config;
+mod error;
 pub mod event;
-pub mod geometry_stage;
-pub mod rays;
+mod geometry_stage;
+mod info;
+mod log;
+mod model;
+mod model_file;
+mod rays;
+mod style_stage;
+mod styles;
+mod train;
+mod validation;
+
+pub use budget::{Budget, Clock};
+pub use config::TrainConfig;
+pub use error::TrainError;
+pub use event::{Event, Stage};
+pub use geometry_stage::{GeometryStage, StepReport};
+pub use model::{Look, Model, RenderedView};
+pub use model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
+pub use rays::{CameraRays, PhotoRays, photo_rays};
+pub use style_stage::{StyleModel, StyleReport, StyleStage};
+pub use styles::{FIRST_GENERATED, Paintings, STYLE_SIDE, Style, read_paintings, style_set, whole};
+pub use train::{Stages, TrainOptions, TrainSummary, train};

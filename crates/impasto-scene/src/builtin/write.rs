@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use glam::DMat4;
 use serde_json::{Value, json};
 
-use super::{BuiltinOptions, BuiltinView, cameras, render};
+use super::{BuiltinOptions, cameras, render};
 use crate::camera::Camera;
+use crate::npy;
 
 /// Why [`write_capture`] failed.
 #[derive(Debug, thiserror::Error)]
@@ -54,7 +55,10 @@ pub fn write_capture(dir: &Path, options: &BuiltinOptions) -> Result<(), WriteCa
         view.pixels
             .save(&path)
             .map_err(|source| WriteCaptureError::Photo { path, source })?;
-        write_file(dir.join(depth_name(index)), &depth_npy(&view))?;
+        write_file(
+            dir.join(depth_name(index)),
+            &npy::encode(&view.depth, view.pixels.width(), view.pixels.height()),
+        )?;
     }
     write_file(dir.join("README.txt"), README.as_bytes())?;
     write_file(
@@ -116,22 +120,4 @@ fn opengl_rows(camera: &Camera) -> [[f64; 4]; 4] {
     let m = camera.camera_to_world;
     let flipped = DMat4::from_cols(m.x_axis, -m.y_axis, -m.z_axis, m.w_axis);
     flipped.transpose().to_cols_array_2d()
-}
-
-/// Depth as a NumPy 1.0 file: magic, header padded to 64 bytes, little-endian float32 rows.
-fn depth_npy(view: &BuiltinView) -> Vec<u8> {
-    let (width, height) = view.pixels.dimensions();
-    let mut header =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
-    const PREFIX: usize = 10;
-    while !(PREFIX + header.len() + 1).is_multiple_of(64) {
-        header.push(' ');
-    }
-    header.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    // The shape's two numbers keep the header far below the 64 KiB that its length field allows.
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.as_bytes());
-    bytes.extend(view.depth.iter().flat_map(|d| d.to_le_bytes()));
-    bytes
 }

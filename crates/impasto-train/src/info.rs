@@ -1,0 +1,39 @@
+//! What a model file is, in numbers.
+
+use crate::model_file::ModelFile;
+use burn::tensor::Tensor;
+use impasto_scene::Split;
+use serde_json::{Value, json};
+
+fn count<'a>(tensors: impl IntoIterator<Item = &'a Tensor<1>>) -> usize {
+    tensors.into_iter().map(|tensor| tensor.dims()[0]).sum()
+}
+
+impl ModelFile {
+    /// Facts about the model: its scene, measured quality (dB; SSIM), numbers of parameters and
+    /// whole configuration.
+    pub fn info(&self) -> Value {
+        let (inner, outer) = (&self.weights.inner, &self.weights.outer);
+        let of = |split| self.scene.photos.iter().filter(|photo| photo.split == split).count();
+        let canvas = self.style.as_ref().and_then(|style| style.canvas.as_ref());
+        let hypernetworks = self.style.iter().flat_map(|style| style.weights.iter().flat_map(|w| &w.0));
+        json!({
+            "name": self.scene.name,
+            "synthetic": self.scene.synthetic,
+            "has_style": self.style.is_some(),
+            "photos": {"train": of(Split::Train), "test": of(Split::Test)},
+            "quality": self.quality,
+            "parameters": {
+                "encodings": count([&inner.encoding, &outer.encoding]),
+                "base": count([&inner.base, &outer.base]),
+                "geo": count([&inner.geo, &outer.geo]),
+                "photo_app": count([&self.photo_app.inner, &self.photo_app.outer]),
+                "hypernetworks": count(hypernetworks),
+                "canvas": count(canvas.iter().flat_map(|c| [&c.inner, &c.outer])),
+            },
+            "normalisation": self.scene.normalisation,
+            "seed": self.seed,
+            "config": self.config,
+        })
+    }
+}

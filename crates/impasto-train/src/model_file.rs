@@ -1,0 +1,302 @@
+//! `model.safetensors`: all weights, with everything else as JSON in its metadata.
+
+use crate::TrainError;
+use crate::config::TrainConfig;
+use crate::style_stage::{StyleModel, hypernetworks};
+use burn::tensor::{Device, Tensor};
+use impasto_field::branch::vector;
+use impasto_field::render::host;
+use impasto_field::{Appearance, BranchWeights, Canvas, Field, FieldWeights, Grids};
+use impasto_kernels::OccupancyGrid;
+use impasto_scene::{Camera, Normalisation, Split};
+use impasto_style::HypernetworkWeights;
+use safetensors::SafeTensors;
+use safetensors::tensor::{Dtype, TensorView};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// File name inside a model folder.
+pub const MODEL_FILE: &str = "model.safetensors";
+/// Key of the JSON in the file's metadata.
+const KEY: &str = "impasto";
+/// Raised when a file of an earlier version can no longer be read.
+const VERSION: u32 = 1;
+
+/// One photo that a model was made from; the pixels are not kept.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ModelPhoto {
+    /// Name within the capture.
+    pub name: String,
+    /// Train or test.
+    pub split: Split,
+    /// Camera in scene space.
+    #[serde(flatten)]
+    pub camera: Camera,
+}
+
+/// What a model remembers of its capture.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ModelScene {
+    /// Name of the capture.
+    pub name: String,
+    /// Whether the photos were made by a program.
+    pub synthetic: bool,
+    /// The way back to the capture's coordinates.
+    pub normalisation: Normalisation,
+    /// All photos, sorted by name.
+    pub photos: Vec<ModelPhoto>,
+}
+
+/// Quality measured at the end of training.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+pub struct Quality {
+    /// Mean PSNR of held-out views, dB.
+    pub psnr: f64,
+    /// Mean SSIM of held-out views.
+    pub ssim: f64,
+    /// Held-out views.
+    pub views: usize,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    version: u32,
+    config: TrainConfig,
+    scene: ModelScene,
+    quality: Quality,
+    seed: u64,
+}
+
+/// The contents of a model file.
+#[derive(Debug, Clone)]
+pub struct ModelFile {
+    /// What the run used.
+    pub config: TrainConfig,
+    /// Its capture.
+    pub scene: ModelScene,
+    /// Its measured quality.
+    pub quality: Quality,
+    /// Its seed.
+    pub seed: u64,
+    /// Field weights.
+    pub weights: FieldWeights,
+    /// Density grids.
+    pub grids: Grids,
+    /// The photo's own look.
+    pub photo_app: Appearance,
+    /// Hypernetworks, once the style stage has run.
+    pub style: Option<StyleModel>,
+}
+
+struct Entry {
+    name: String,
+    dtype: Dtype,
+    length: usize,
+    bytes: Vec<u8>,
+}
+
+fn floats(name: impl Into<String>, tensor: &Tensor<1>) -> Entry {
+    let numbers = host(tensor.clone());
+    Entry {
+        name: name.into(),
+        dtype: Dtype::F32,
+        length: numbers.len(),
+        bytes: numbers.iter().flat_map(|v| v.to_le_bytes()).collect(),
+    }
+}
+
+fn flags(name: &str, grid: &OccupancyGrid) -> Entry {
+    Entry {
+        name: name.into(),
+        dtype: Dtype::U8,
+        length: grid.cells(),
+        bytes: grid.flags().iter().map(|f| u8::from(*f)).collect(),
+    }
+}
+
+const VOLUMES: [&str; 2] = ["inner", "outer"];
+
+impl ModelFile {
+    fn entries(&self) -> Vec<Entry> {
+        let mut entries = vec![flags("inner.grid", &self.grids.inner), flags("outer.grid", &self.grids.outer)];
+        let branches = [&self.weights.inner, &self.weights.outer];
+        let apps = [&self.photo_app.inner, &self.photo_app.outer];
+        for (volume, (w, app)) in VOLUMES.iter().zip(branches.into_iter().zip(apps)) {
+            entries.push(floats(format!("{volume}.encoding"), &w.encoding));
+            entries.push(floats(format!("{volume}.base"), &w.base));
+            entries.push(floats(format!("{volume}.geo"), &w.geo));
+            entries.push(floats(format!("{volume}.photo_app"), app));
+        }
+        if let Some(style) = &self.style {
+            for (volume, weights) in VOLUMES.iter().zip(&style.weights) {
+                let layers = weights.0.iter().enumerate();
+                entries.extend(layers.map(|(i, w)| floats(format!("{volume}.hypernetwork.{i}"), w)));
+            }
+            if let Some(canvas) = &style.canvas {
+                entries.push(floats("inner.canvas", &canvas.inner));
+                entries.push(floats("outer.canvas", &canvas.outer));
+            }
+        }
+        entries
+    }
+
+    /// Writes `dir/model.safetensors` under a temporary name, then renames it.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub fn save(&self, dir: &Path) -> Result<PathBuf, TrainError> {
+        let path = dir.join(MODEL_FILE);
+        let failed = |reason: String| TrainError::Write {
+            path: path.clone(),
+            reason,
+        };
+        let header = Header {
+            version: VERSION,
+            config: self.config.clone(),
+            scene: self.scene.clone(),
+            quality: self.quality,
+            seed: self.seed,
+        };
+        let json = serde_json::to_string(&header).map_err(|e| failed(e.to_string()))?;
+        let entries = self.entries();
+        let views = entries
+            .iter()
+            .map(|e| Ok((e.name.as_str(), TensorView::new(e.dtype, vec![e.length], &e.bytes)?)))
+            .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+            .map_err(|e| failed(e.to_string()))?;
+        let bytes = safetensors::serialize(views, Some(HashMap::from([(KEY.to_owned(), json)]))).map_err(|e| failed(e.to_string()))?;
+        write_whole(&path, &bytes)?;
+        Ok(path)
+    }
+
+    /// Reads a model folder, or the file inside it.
+    ///
+    /// # Errors
+    /// If there is none, or it is damaged or of another version.
+    pub fn load(path: &Path, device: &Device) -> Result<Self, TrainError> {
+        let path = if path.is_dir() { path.join(MODEL_FILE) } else { path.to_owned() };
+        let failed = |reason: String| TrainError::Model {
+            path: path.clone(),
+            reason,
+        };
+        let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
+            std::io::ErrorKind::NotFound => failed("there is no model here; `impasto train` makes one".into()),
+            _ => failed(format!("cannot be read ({e})")),
+        })?;
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| failed(format!("is not a whole safetensors file ({e})")))?;
+        let json = metadata
+            .metadata()
+            .as_ref()
+            .and_then(|m| m.get(KEY))
+            .ok_or_else(|| failed("is a safetensors file, but not of Impasto".into()))?;
+        let header: Header = serde_json::from_str(json).map_err(|e| failed(format!("has a header of another version ({e}); train it again")))?;
+        if header.version != VERSION {
+            return Err(failed(format!("is of version {}, this program reads {VERSION}; train it again", header.version)));
+        }
+        let tensors = SafeTensors::deserialize(&bytes).map_err(|e| failed(format!("is damaged ({e})")))?;
+        let reader = Reader {
+            tensors: &tensors,
+            device,
+        };
+        reader.model(header).map_err(failed)
+    }
+}
+
+/// Writes a file under a temporary name and renames it, so that nobody ever sees half of it.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), TrainError> {
+    let temporary = path.with_extension("tmp");
+    std::fs::write(&temporary, bytes)
+        .and_then(|()| std::fs::rename(&temporary, path))
+        .map_err(|e| {
+            // Best effort: the write error is what matters.
+            let _ = std::fs::remove_file(&temporary);
+            TrainError::Write {
+                path: path.to_owned(),
+                reason: e.to_string(),
+            }
+        })
+}
+
+struct Reader<'a> {
+    tensors: &'a SafeTensors<'a>,
+    device: &'a Device,
+}
+
+impl Reader<'_> {
+    fn floats(&self, name: &str, length: usize) -> Result<Tensor<1>, String> {
+        let tensor = self.tensors.tensor(name).map_err(|_| format!("lacks the tensor \"{name}\""))?;
+        let (numbers, rest) = tensor.data().as_chunks::<4>();
+        if tensor.dtype() != Dtype::F32 || numbers.len() != length || !rest.is_empty() {
+            return Err(format!("holds \"{name}\" with {} numbers, {length} were expected", numbers.len()));
+        }
+        Ok(vector(numbers.iter().map(|b| f32::from_le_bytes(*b)).collect(), self.device))
+    }
+
+    fn grid(&self, name: &str) -> Result<OccupancyGrid, String> {
+        let tensor = self.tensors.tensor(name).map_err(|_| format!("lacks the tensor \"{name}\""))?;
+        OccupancyGrid::from_flags(tensor.data().iter().map(|b| *b != 0).collect()).ok_or_else(|| format!("holds \"{name}\", which is no cube"))
+    }
+
+    fn model(&self, header: Header) -> Result<ModelFile, String> {
+        let config = header.config;
+        let field = Field::new(config.field.clone());
+        let features = field.features();
+        let branch = |volume: &str, lengths: [usize; 3]| -> Result<BranchWeights, String> {
+            Ok(BranchWeights {
+                encoding: self.floats(&format!("{volume}.encoding"), lengths[0])?,
+                base: self.floats(&format!("{volume}.base"), lengths[1])?,
+                geo: self.floats(&format!("{volume}.geo"), lengths[2])?,
+            })
+        };
+        let photo_app = |i: usize| self.floats(&format!("{}.photo_app", VOLUMES[i]), config.photo_app.spec(features[i], 3 + i).params());
+        Ok(ModelFile {
+            weights: FieldWeights {
+                inner: branch("inner", field.inner.lengths())?,
+                outer: branch("outer", field.outer.lengths())?,
+            },
+            grids: Grids {
+                inner: self.grid("inner.grid")?,
+                outer: self.grid("outer.grid")?,
+            },
+            photo_app: Appearance {
+                config: config.photo_app.clone(),
+                inner: photo_app(0)?,
+                outer: photo_app(1)?,
+                canvas: None,
+            },
+            style: self.style(&field, &config)?,
+            config,
+            scene: header.scene,
+            quality: header.quality,
+            seed: header.seed,
+        })
+    }
+
+    fn style(&self, field: &Field, config: &TrainConfig) -> Result<Option<StyleModel>, String> {
+        if self.tensors.tensor("inner.hypernetwork.0").is_err() {
+            return Ok(None);
+        }
+        let hyper = hypernetworks(field, config);
+        let weights = |i: usize| -> Result<HypernetworkWeights, String> {
+            let lengths = hyper[i].lengths().into_iter().enumerate();
+            let layers = lengths.map(|(l, length)| self.floats(&format!("{}.hypernetwork.{l}", VOLUMES[i]), length));
+            Ok(HypernetworkWeights(layers.collect::<Result<_, _>>()?))
+        };
+        let canvas = match config.style_app.canvas.as_ref().and_then(impasto_field::EncodingConfig::hash_grid) {
+            Some(spec) => Some(Canvas {
+                inner: self.floats("inner.canvas", spec.params())?,
+                outer: self.floats("outer.canvas", spec.params())?,
+            }),
+            None => None,
+        };
+        Ok(Some(StyleModel {
+            weights: [weights(0)?, weights(1)?],
+            hyper,
+            canvas,
+        }))
+    }
+}

@@ -1,0 +1,375 @@
+//! A whole run: capture and paintings in, model folder out.
+
+use crate::budget::{Budget, Clock};
+use crate::config::TrainConfig;
+use crate::event::{Event, Stage};
+use crate::geometry_stage::GeometryStage;
+use crate::log::Log;
+use crate::model::Model;
+use crate::model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
+use crate::rays::photo_rays;
+use crate::style_stage::StyleStage;
+use crate::styles::{Paintings, read_paintings, style_set};
+use crate::{TrainError, validation};
+use burn::tensor::Device;
+use impasto_field::Field;
+use impasto_scene::{Format, LoadOptions, Scene};
+use impasto_style::{Perceptual, StyleVae};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Which stages to run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stages {
+    /// Both.
+    All,
+    /// Photos → field only.
+    Geometry,
+    /// Paintings → hypernetwork only, on the model that the output folder holds.
+    Style,
+}
+
+/// What to train, on what, for how long.
+#[derive(Debug, Clone)]
+pub struct TrainOptions {
+    /// The capture.
+    pub scene: PathBuf,
+    /// The model folder.
+    pub output: PathBuf,
+    /// A folder of paintings; without one, generated pictures only.
+    pub styles: Option<PathBuf>,
+    /// Stages.
+    pub stages: Stages,
+    /// Sizes and rates.
+    pub config: TrainConfig,
+    /// Limit on the whole run, loading and final checks included.
+    pub budget: Budget,
+    /// Photos are shrunk this many times.
+    pub downscale: u32,
+    /// Overrides the detected format.
+    pub format: Option<Format>,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+/// What a run came to.
+#[derive(Debug, Clone, Serialize)]
+pub struct TrainSummary {
+    /// The model folder.
+    pub model: PathBuf,
+    /// Mean PSNR of held-out views, dB.
+    pub psnr: f64,
+    /// Mean SSIM of held-out views.
+    pub ssim: f64,
+    /// Held-out views.
+    pub views: usize,
+    /// Seconds from start to end.
+    pub seconds: f64,
+    /// Steps of the geometry stage.
+    pub geometry_steps: u64,
+    /// Steps of the style stage.
+    pub style_steps: u64,
+    /// Training photos.
+    pub train_photos: usize,
+    /// Paintings read.
+    pub paintings: usize,
+    /// Files in the style folder that are no pictures.
+    pub unreadable_paintings: usize,
+    /// Whether the photos were made by a program.
+    pub synthetic: bool,
+}
+
+/// Pictures generated when there are no paintings at all.
+const GENERATED_ALONE: usize = 400;
+/// Part of a time budget kept for the checks after the last stage.
+const RESERVE: f64 = 0.02;
+/// Most of the style stage's time that statistics of crops and generated pictures may take.
+const PREPARATION: f64 = 0.12;
+/// Most of a time budget that comparing held-out views may take.
+const COMPARISON: f64 = 0.05;
+/// Time between two step events.
+const REPORT_EVERY: Duration = Duration::from_millis(500);
+
+/// Trains and writes a model folder.
+///
+/// # Errors
+/// If the capture, the paintings or the output folder cannot be used; nothing half-written is
+/// left behind.
+pub fn train(options: &TrainOptions, sink: &mut dyn FnMut(&Event)) -> Result<TrainSummary, TrainError> {
+    let start = Instant::now();
+    let load = LoadOptions {
+        downscale: options.downscale,
+        format: options.format,
+    };
+    let scene = impasto_scene::load(&options.scene, &load)?;
+    check_sizes(&scene, options)?;
+    let paintings = match &options.styles {
+        Some(dir) => paintings(dir)?,
+        None => Paintings::default(),
+    };
+    let mut log = Log::create(&options.output, sink)?;
+    log.event(&loaded(&scene, &paintings));
+    for (path, reason) in &paintings.unreadable {
+        log.event(&Event::Warning {
+            message: format!("left out {}: {reason}", path.display()),
+        });
+    }
+    let mut run = Run {
+        options,
+        scene,
+        start,
+        device: Device::flex(),
+        log,
+    };
+    let (mut file, geometry_steps) = match options.stages {
+        Stages::Style => (ModelFile::load(&options.output.join(MODEL_FILE), &run.device)?, 0),
+        Stages::All | Stages::Geometry => run.geometry()?,
+    };
+    let style_steps = match options.stages {
+        Stages::Geometry => 0,
+        Stages::All | Stages::Style => run.style(&mut file, &paintings)?,
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    run.log.event(&Event::Done { seconds });
+    Ok(TrainSummary {
+        model: options.output.clone(),
+        psnr: file.quality.psnr,
+        ssim: file.quality.ssim,
+        views: file.quality.views,
+        seconds,
+        geometry_steps,
+        style_steps,
+        train_photos: run.scene.train().count(),
+        paintings: paintings.images.len(),
+        unreadable_paintings: paintings.unreadable.len(),
+        synthetic: run.scene.synthetic,
+    })
+}
+
+fn paintings(dir: &std::path::Path) -> Result<Paintings, TrainError> {
+    let fault = |reason: String| TrainError::Styles {
+        path: dir.to_owned(),
+        reason,
+    };
+    let paintings = read_paintings(dir).map_err(|e| fault(format!("cannot be read ({e})")))?;
+    match (paintings.images.is_empty(), paintings.unreadable.first()) {
+        (false, _) => Ok(paintings),
+        (true, None) => Err(fault("is empty; put JPEG or PNG paintings there".into())),
+        (true, Some((_, first))) => Err(fault(format!("holds no readable painting; the first file says: {first}"))),
+    }
+}
+
+fn loaded(scene: &Scene, paintings: &Paintings) -> Event {
+    let size = scene.photos.first().map_or((0, 0), |p| p.pixels.dimensions());
+    Event::Loaded {
+        train_photos: scene.train().count(),
+        test_photos: scene.test().count(),
+        size: [size.0, size.1],
+        paintings: paintings.images.len(),
+        synthetic: scene.synthetic,
+    }
+}
+
+fn check_sizes(scene: &Scene, options: &TrainOptions) -> Result<(), TrainError> {
+    let [least_height, least_width] = options.config.style.patch;
+    let small = scene.photos.iter().find(|p| {
+        let (w, h) = p.pixels.dimensions();
+        (w as usize) < least_width || (h as usize) < least_height
+    });
+    match small {
+        Some(photo) if options.stages != Stages::Geometry => Err(TrainError::SmallPhotos {
+            photo: photo.name.clone(),
+            width: photo.pixels.width() as usize,
+            height: photo.pixels.height() as usize,
+            least_width,
+            least_height,
+        }),
+        _ => Ok(()),
+    }
+}
+
+struct Run<'a> {
+    options: &'a TrainOptions,
+    scene: Scene,
+    start: Instant,
+    device: Device,
+    log: Log<'a>,
+}
+
+/// Smoothed numbers of a running stage, reported now and then.
+struct Progress {
+    stage: Stage,
+    smooth: f64,
+    rays: u64,
+    last: Instant,
+}
+
+impl Progress {
+    fn new(stage: Stage) -> Self {
+        Self {
+            stage,
+            smooth: 0.0,
+            rays: 0,
+            last: Instant::now(),
+        }
+    }
+
+    fn step(&mut self, clock: &Clock, loss: f64, rays: usize, log: &mut Log<'_>) {
+        self.smooth = if clock.steps <= 1 { loss } else { 0.98 * self.smooth + 0.02 * loss };
+        self.rays += rays as u64;
+        if self.last.elapsed() < REPORT_EVERY && !clock.is_over() {
+            return;
+        }
+        self.last = Instant::now();
+        let seconds = clock.seconds().max(1e-9);
+        log.event(&Event::Step {
+            stage: self.stage,
+            step: clock.steps,
+            progress: clock.progress(),
+            loss: self.smooth,
+            rate: clock.steps as f64 / seconds,
+            rays_per_second: self.rays as f64 / seconds,
+            eta: clock.eta(),
+        });
+    }
+}
+
+impl Run<'_> {
+    fn started(&mut self, stage: Stage, budget: Budget) {
+        let (seconds, steps) = match budget {
+            Budget::Time(time) => (Some(time.as_secs_f64()), None),
+            Budget::Steps(steps) => (None, Some(steps)),
+        };
+        self.log.event(&Event::StageStarted { stage, seconds, steps });
+    }
+
+    /// What of the budget the given share of the whole leaves to a stage, from now on.
+    fn remaining(&self, share: f64, reserve: Duration) -> Budget {
+        match self.options.budget {
+            Budget::Time(total) => {
+                let end = total.mul_f64(share).saturating_sub(reserve);
+                Budget::Time(end.saturating_sub(self.start.elapsed()).max(Duration::from_millis(100)))
+            }
+            Budget::Steps(_) => self.options.budget,
+        }
+    }
+
+    fn geometry(&mut self) -> Result<(ModelFile, u64), TrainError> {
+        let config = &self.options.config;
+        let mut stage = GeometryStage::new(&self.scene, config, self.options.seed, &self.device);
+        let budget = match (self.options.stages, self.options.budget) {
+            (Stages::Geometry, _) => self.remaining(1.0 - RESERVE, Duration::ZERO),
+            (_, Budget::Steps(_)) => self.options.budget.share(config.geometry_share),
+            _ => self.remaining(config.geometry_share, Duration::ZERO),
+        };
+        self.started(Stage::Geometry, budget);
+        let mut clock = Clock::start(budget);
+        let mut progress = Progress::new(Stage::Geometry);
+        while !clock.is_over() {
+            let report = stage.step(&clock);
+            clock.steps += 1;
+            progress.step(&clock, report.loss, report.rays, &mut self.log);
+        }
+        let (weights, grids, photo_app) = stage.snapshot();
+        let mut file = ModelFile {
+            config: config.clone(),
+            scene: model_scene(&self.scene),
+            quality: Quality::default(),
+            seed: self.options.seed,
+            weights,
+            grids,
+            photo_app,
+            style: None,
+        };
+        let model = Model::from_file(file.clone(), self.device.clone());
+        let limit = match self.options.budget {
+            Budget::Time(time) => time.mul_f64(COMPARISON),
+            Budget::Steps(_) => Duration::MAX,
+        };
+        let (quality, preview) = validation::validate(&model, &self.scene, limit);
+        file.quality = quality;
+        self.log.event(&Event::Validation {
+            step: clock.steps,
+            psnr: quality.psnr,
+            ssim: quality.ssim,
+            views: quality.views,
+        });
+        if let Some(preview) = preview {
+            self.preview("geometry.png", &preview)?;
+        }
+        self.save(&file)?;
+        Ok((file, clock.steps))
+    }
+
+    fn preview(&mut self, name: &str, picture: &image::RgbImage) -> Result<(), TrainError> {
+        let path = self.options.output.join("previews").join(name);
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let failed = |reason: String| TrainError::Write {
+            path: path.clone(),
+            reason,
+        };
+        picture.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| failed(e.to_string()))?;
+        crate::model_file::write_whole(&path, bytes.get_ref())?;
+        self.log.event(&Event::Preview { path });
+        Ok(())
+    }
+
+    fn save(&mut self, file: &ModelFile) -> Result<(), TrainError> {
+        let path = file.save(&self.options.output)?;
+        self.log.event(&Event::Checkpoint { path });
+        Ok(())
+    }
+
+    fn style(&mut self, file: &mut ModelFile, paintings: &Paintings) -> Result<u64, TrainError> {
+        // The field stays as it was trained; only what concerns styles is taken from this run.
+        file.config.style = self.options.config.style.clone();
+        file.config.style_app = self.options.config.style_app.clone();
+        let (vgg, vae) = (Perceptual::vgg16()?, StyleVae::shipped()?);
+        let generated = if paintings.images.is_empty() { GENERATED_ALONE } else { file.config.style.generated };
+        let whole = self.remaining(1.0 - RESERVE, Duration::ZERO);
+        self.started(Stage::Style, whole);
+        let deadline = match whole {
+            Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),
+            Budget::Steps(_) => None,
+        };
+        let styles = style_set((&vgg, &vae), &paintings.images, generated, self.options.seed, deadline)?;
+        let shown: Vec<_> = styles.iter().step_by(styles.len().div_ceil(4).max(1)).map(|s| s.code.clone()).collect();
+        let budget = match self.options.budget {
+            Budget::Steps(_) => self.options.budget.share(1.0 - self.options.config.geometry_share),
+            Budget::Time(_) => self.remaining(1.0 - RESERVE, Duration::ZERO),
+        };
+        let photos = photo_rays(self.scene.train().map(|(_, p)| p));
+        let field = Field::new(file.config.field.clone());
+        let frozen = (file.weights.clone(), file.grids.clone());
+        let mut stage = StyleStage::new(&file.config, field, frozen, photos, (vgg, vae), styles, self.options.seed, &self.device);
+        let mut clock = Clock::start(budget);
+        let mut progress = Progress::new(Stage::Style);
+        while !clock.is_over() {
+            let report = stage.step(&clock)?;
+            clock.steps += 1;
+            progress.step(&clock, report.loss, report.rays, &mut self.log);
+        }
+        file.style = Some(stage.snapshot());
+        let model = Model::from_file(file.clone(), self.device.clone());
+        if let Some(preview) = validation::style_preview(&model, &shown) {
+            self.preview("style.png", &preview)?;
+        }
+        self.save(file)?;
+        Ok(clock.steps)
+    }
+}
+
+fn model_scene(scene: &Scene) -> ModelScene {
+    let photos = scene.photos.iter().map(|photo| ModelPhoto {
+        name: photo.name.clone(),
+        split: photo.split,
+        camera: photo.camera,
+    });
+    ModelScene {
+        name: scene.name.clone(),
+        synthetic: scene.synthetic,
+        normalisation: scene.normalisation,
+        photos: photos.collect(),
+    }
+}

@@ -1,0 +1,67 @@
+//! The demo's film: once around the scene while one style turns into the next.
+
+use std::path::{Path, PathBuf};
+
+use impasto::scene::paths::orbit;
+use impasto::scene::{Camera, Split};
+use impasto::{Model, StyleCode};
+
+use super::Style;
+use crate::cli::CliError;
+use crate::cli::progress::Frames;
+use crate::output::Film;
+
+const FRAMES: usize = 48;
+/// Height of a frame in pixels.
+const HEIGHT: u32 = 240;
+/// Styles that the film passes through.
+const STYLES: usize = 3;
+/// Part of a style's time in which it stays as it is.
+const HOLD: f32 = 0.5;
+
+/// Renders the film; it ends where it began.
+pub fn film(model: &Model, styles: &[Style], path: &Path) -> Result<PathBuf, CliError> {
+    let styles = &styles[..styles.len().min(STYLES)];
+    let train: Vec<Camera> = (model.file.scene.photos.iter())
+        .filter(|photo| photo.split == Split::Train)
+        .map(|photo| photo.camera)
+        .collect();
+    let width = train.first().map_or(HEIGHT, |camera| {
+        let k = &camera.intrinsics;
+        (f64::from(HEIGHT) * f64::from(k.width) / f64::from(k.height)).round() as u32
+    });
+    let cameras = orbit(&train, FRAMES, (width, HEIGHT))?;
+    let mut film = Film::new(path);
+    let mut progress = Frames::new(FRAMES);
+    for (frame, camera) in cameras.iter().enumerate() {
+        let (from, to, share) = passage(frame as f32 / FRAMES as f32, styles.len());
+        let codes = [(from, 1.0 - share), (to, share)].map(|(i, w)| (styles[i].code.clone(), w));
+        let look = StyleCode::mix(&codes).and_then(|code| model.look(&code)).ok_or(CliError::Unstyled)?;
+        film.add(model.render(camera, &[&look]).image(0))?;
+        progress.tick();
+    }
+    film.finish()
+}
+
+/// At `time` in `[0, 1)` of a round through `count` styles: the style left, the style ahead and
+/// how far the way between them is done.
+fn passage(time: f32, count: usize) -> (usize, usize, f32) {
+    let place = time * count as f32;
+    let from = (place as usize).min(count.saturating_sub(1));
+    let share = ((place.fract() - HOLD) / (1.0 - HOLD)).max(0.0);
+    (from, (from + 1) % count.max(1), share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_style_holds_then_turns_into_the_next() {
+        assert_eq!(passage(0.0, 3), (0, 1, 0.0));
+        assert_eq!(passage(0.5 / 3.0, 3), (0, 1, 0.0));
+        let (from, to, share) = passage(2.75 / 3.0, 3);
+        assert_eq!((from, to), (2, 0));
+        assert!((share - 0.5).abs() < 1e-5);
+    }
+}

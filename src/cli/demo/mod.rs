@@ -1,0 +1,146 @@
+//! `impasto demo`: all of it, on a place and paintings that were made by code.
+
+mod clip;
+mod sheet;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use image::RgbImage;
+use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
+use impasto::scene::builtin::{BuiltinOptions, write_capture};
+use impasto::scene::{Format, LoadOptions, load};
+use impasto::{Look, Model, Stages, StyleCode, TrainConfig, TrainOptions};
+use serde_json::json;
+
+use super::train::{BudgetArgs, describe, watched};
+use super::{Answer, CliError, console, to_json};
+use crate::output::{check_folder, picture, write_file};
+
+/// First seed of the styles; all are below those that training paints from.
+const HELD_OUT_SEEDS: u64 = 9_000;
+const _: () = assert!(HELD_OUT_SEEDS + STYLES.len() as u64 <= impasto_train::FIRST_GENERATED);
+/// Families and palettes that look unlike each other.
+const STYLES: [(Family, &str); 5] = [
+    (Family::Swirl, "starry cobalt"),
+    (Family::Mosaic, "Byzantine gold"),
+    (Family::Woodblock, "ukiyo-e indigo"),
+    (Family::Pointillism, "southern sun"),
+    (Family::Fauvist, "fauve riot"),
+];
+/// Side of a style image in pixels.
+const STYLE_SIDE: u32 = 256;
+
+/// Make photos, train, and repaint: everything on a built-in synthetic scene, without downloads
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Folder for everything that is made
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    out: PathBuf,
+    #[command(flatten)]
+    budget: BudgetArgs,
+    /// Start of the random numbers
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// A generated painting that was not trained on.
+struct Style {
+    family: &'static str,
+    label: String,
+    file: PathBuf,
+    picture: RgbImage,
+    code: StyleCode,
+    look: Look,
+}
+
+/// Runs the command.
+pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
+    let start = Instant::now();
+    let out = &args.out;
+    check_folder(out)?;
+    console::note("photographing the built-in synthetic scene");
+    write_capture(&out.join("scene"), &BuiltinOptions::default())?;
+    let summary = watched(&TrainOptions {
+        scene: out.join("scene"),
+        output: out.join("model"),
+        styles: None,
+        stages: Stages::All,
+        config: TrainConfig::fast(),
+        budget: args.budget.get(),
+        downscale: 1,
+        format: Some(Format::Transforms),
+        seed: args.seed,
+    })?;
+
+    let model = Model::load(&summary.model)?;
+    let styles = styles(&model, &out.join("styles"))?;
+    let photos = load(&out.join("scene"), &LoadOptions::default())?;
+    let sheet = out.join("contact_sheet.png");
+    write_file(&sheet, |path| picture::save_png(&sheet::compose(&model, &photos, &styles), path))?;
+    let clip = clip::film(&model, &styles, &out.join("clip.gif"))?;
+
+    let painted = |style: &Style| json!({"file": style.file, "label": style.label});
+    let json = json!({
+        "synthetic": true,
+        "note": "scene and paintings were made by code; no real place or artist is shown",
+        "training": to_json(&summary),
+        "styles": styles.iter().map(painted).collect::<Vec<_>>(),
+        "contact_sheet": sheet,
+        "clip": clip,
+        "seconds": start.elapsed().as_secs_f64(),
+    });
+    write_file(&out.join("summary.json"), |path| {
+        fs::write(path, format!("{json:#}\n")).map_err(CliError::write(path))
+    })?;
+    Ok(Answer {
+        text: format!(
+            "{}\nsynthetic paintings, not trained on: {}\npictures: {} and {}",
+            describe(&summary),
+            styles.iter().map(|style| style.family).collect::<Vec<_>>().join(", "),
+            sheet.display(),
+            clip.display(),
+        ),
+        json,
+    })
+}
+
+/// Paints the held-out styles, saves them and works out their looks.
+fn styles(model: &Model, folder: &Path) -> Result<Vec<Style>, CliError> {
+    STYLES
+        .iter()
+        .zip(HELD_OUT_SEEDS..)
+        .map(|(&(family, palette), seed)| {
+            let recipe = Recipe {
+                palette: PALETTES.iter().position(|p| p.name == palette).unwrap_or(0),
+                ..Recipe::nth_of(family, seed)
+            };
+            let painting = paint(&recipe, STYLE_SIDE, STYLE_SIDE);
+            let file = folder.join(format!("{}.png", family.name().replace(' ', "-")));
+            write_file(&file, |path| picture::save_png(&painting, path))?;
+            let code = model.style_code(&painting)?;
+            Ok(Style {
+                family: family.name(),
+                label: label(&recipe),
+                file,
+                look: model.look(&code).ok_or(CliError::Unstyled)?,
+                picture: painting,
+                code,
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_palette_exists() {
+        for (_, name) in STYLES {
+            assert!(PALETTES.iter().any(|palette| palette.name == name), "{name}");
+        }
+    }
+}

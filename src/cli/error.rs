@@ -1,0 +1,104 @@
+//! Everything that ends a command early.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use impasto::scene::SceneError;
+use impasto::scene::builtin::WriteCaptureError;
+use impasto::scene::paths::PathError;
+use impasto::{StyleError, TrainError};
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// The arguments make no sense together.
+    #[error("{0}")]
+    Usage(String),
+    /// The arguments ask for what this version cannot do, or the data does not allow.
+    #[error("{0}")]
+    Refused(String),
+    /// Styles for a model without any.
+    #[error("this model has learned no styles; train it with --stage style first")]
+    Unstyled,
+    /// The capture.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Writing the built-in capture.
+    #[error(transparent)]
+    Capture(#[from] WriteCaptureError),
+    /// Training, or a model file.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// A style image or the networks that look at it.
+    #[error(transparent)]
+    Style(#[from] StyleError),
+    /// A camera path fitted to the capture.
+    #[error("the camera path cannot be made: {0}")]
+    Path(#[from] PathError),
+    /// A camera path from a file.
+    #[error("{}: {source}", path.display())]
+    PathFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: PathError,
+    },
+    /// A style image cannot be decoded.
+    #[error("{}: not a usable painting ({problem}); give a PNG, JPEG or GIF image", path.display())]
+    Painting {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A file cannot be read.
+    #[error("{}: cannot be read ({source})", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A file or folder cannot be written.
+    #[error("cannot write {}: {source}; choose another output", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A picture cannot be encoded.
+    #[error("cannot write the picture {}: {source}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// The encoder's reason.
+        source: image::ImageError,
+    },
+}
+
+impl CliError {
+    /// A failed write to `path`.
+    pub fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        |source| Self::Write { path, source }
+    }
+
+    /// A failed encoding of `path`; the system's refusals are told as such.
+    pub fn encode(path: &Path) -> impl FnOnce(image::ImageError) -> Self {
+        let path = path.to_owned();
+        |source| match source {
+            image::ImageError::IoError(source) => Self::Write { path, source },
+            source => Self::Encode { path, source },
+        }
+    }
+
+    /// 2 for wrong usage, else 1.
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Usage(_) => ExitCode::from(2),
+            _ => ExitCode::FAILURE,
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! The command line. A command is one file: its arguments and how they become an [`Answer`].
+
+mod console;
+mod demo;
+mod error;
+mod info;
+mod progress;
+mod render;
+mod settings;
+mod train;
+mod values;
+
+pub use error::CliError;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use serde_json::Value;
+
+/// Photos of a place become a 3-D scene that can be repainted with any painting
+#[derive(Debug, Parser)]
+#[command(name = "impasto", version)]
+struct Cli {
+    /// Print the result as one JSON object
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::DemoArgs),
+    Train(train::TrainArgs),
+    Render(render::RenderArgs),
+    Info(info::InfoArgs),
+}
+
+/// What a command has to say in the end, for people and for programs.
+struct Answer {
+    text: String,
+    json: Value,
+}
+
+/// A plain structure as JSON. Numbers that JSON lacks (NaN, infinity) become `null`.
+pub fn to_json(structure: &impl serde::Serialize) -> Value {
+    // Structures with text keys, for which this cannot fail.
+    serde_json::to_value(structure).unwrap_or_default()
+}
+
+/// Runs the process's command line.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let answer = match &cli.command {
+        Command::Demo(args) => demo::run(args),
+        Command::Train(args) => train::run(args),
+        Command::Render(args) => render::run(args),
+        Command::Info(args) => info::run(args),
+    };
+    match answer {
+        Ok(answer) if cli.json => console::result(&answer.json.to_string()),
+        Ok(answer) => console::result(&answer.text),
+        Err(error) => {
+            console::error(&error);
+            return error.exit_code();
+        }
+    }
+    ExitCode::SUCCESS
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_budget_is_a_time_or_a_number_of_steps() {
+        let parse = |budget: &[&str]| {
+            let words = ["impasto", "train", "scene", "-o", "model"];
+            Cli::try_parse_from(words.iter().chain(budget)).map(|_| ())
+        };
+        assert!(parse(&["--budget", "90s"]).is_ok() && parse(&["--steps", "3"]).is_ok());
+        assert!(parse(&["--budget", "90s", "--steps", "3"]).is_err());
+        assert!(parse(&["--steps", "0"]).is_err());
+    }
+}

@@ -1,0 +1,203 @@
+//! Progress on stderr: a bar where a person watches, a line now and then where a log is kept.
+
+use std::io::{IsTerminal, stderr};
+use std::time::{Duration, Instant};
+
+use impasto::{Event, Stage};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::console::note;
+use super::values::clock;
+
+/// Least time between two lines of progress in a log.
+const QUIET: Duration = Duration::from_secs(10);
+/// Ticks of a full bar.
+const FULL: u64 = 1000;
+
+/// A bar, or its lines.
+struct Face {
+    title: String,
+    bar: Option<ProgressBar>,
+    spoke: Option<Instant>,
+}
+
+impl Face {
+    fn new(title: &str) -> Self {
+        let bar = stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(FULL).with_prefix(title.to_owned());
+            // A mistake in the template costs its looks, not the run.
+            let style = ProgressStyle::with_template("{prefix:>8} {bar:24} {percent:>3} %  {msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            bar.set_style(style);
+            bar
+        });
+        Self {
+            title: title.to_owned(),
+            bar,
+            spoke: None,
+        }
+    }
+
+    fn show(&mut self, progress: f64, message: String) {
+        if let Some(bar) = &self.bar {
+            bar.set_position((progress * FULL as f64) as u64);
+            bar.set_message(message);
+        } else if self.spoke.is_none_or(|at| at.elapsed() >= QUIET) {
+            self.spoke = Some(Instant::now());
+            note(format_args!("{:>8} {:>3.0} %  {message}", self.title, 100.0 * progress));
+        }
+    }
+
+    /// A line that stays above the bar.
+    fn say(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| note(text)),
+            None => note(text),
+        }
+    }
+}
+
+impl Drop for Face {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Shows training by its events alone.
+#[derive(Default)]
+pub struct Training {
+    face: Option<Face>,
+    psnr: Option<f64>,
+}
+
+impl Training {
+    /// Shows one event.
+    pub fn show(&mut self, event: &Event) {
+        match event {
+            Event::StageStarted { stage, .. } => {
+                self.face = Some(Face::new(match stage {
+                    Stage::Geometry => "geometry",
+                    Stage::Style => "style",
+                }));
+            }
+            Event::Step { progress, .. } => {
+                let message = self.measures(event);
+                if let Some(face) = &mut self.face {
+                    face.show(*progress, message);
+                }
+            }
+            Event::Validation { psnr, .. } => {
+                self.psnr = Some(*psnr);
+                self.say(event);
+            }
+            Event::Done { .. } => {
+                self.face = None;
+                self.say(event);
+            }
+            _ => self.say(event),
+        }
+    }
+
+    fn measures(&self, event: &Event) -> String {
+        let Event::Step { loss, rate, rays_per_second, eta, .. } = event else {
+            return String::new();
+        };
+        let psnr = self.psnr.map_or_else(String::new, |psnr| format!("  PSNR {psnr:.2} dB"));
+        let rays = rays_per_second / 1e3;
+        format!("{rate:.1} it/s  {rays:.0}k rays/s  loss {loss:.4}{psnr}  ETA {}", clock(*eta))
+    }
+
+    fn say(&self, event: &Event) {
+        let Some(sentence) = sentence(event) else { return };
+        match &self.face {
+            Some(face) => face.say(&sentence),
+            None => note(sentence),
+        }
+    }
+}
+
+/// An event in words, where it deserves some.
+fn sentence(event: &Event) -> Option<String> {
+    Some(match event {
+        Event::Loaded { train_photos, test_photos, size, paintings, synthetic } => {
+            let kind = if *synthetic { "synthetic photos" } else { "photos" };
+            format!(
+                "{train_photos} {kind} of {}×{} to learn from, {test_photos} held out; {paintings} paintings",
+                size[0], size[1]
+            )
+        }
+        Event::Validation { step, psnr, ssim, views } => {
+            format!("step {step}: PSNR {psnr:.2} dB, SSIM {ssim:.3} on {views} held-out views")
+        }
+        Event::Warning { message } => format!("warning: {message}"),
+        Event::Done { seconds } => format!("trained in {}", clock(*seconds)),
+        _ => return None,
+    })
+}
+
+/// Shows how many of a known number of frames are done.
+pub struct Frames {
+    face: Face,
+    done: usize,
+    count: usize,
+    start: Instant,
+}
+
+impl Frames {
+    /// Begins.
+    pub fn new(count: usize) -> Self {
+        Self {
+            face: Face::new("render"),
+            done: 0,
+            count,
+            start: Instant::now(),
+        }
+    }
+
+    /// One more is done.
+    pub fn tick(&mut self) {
+        self.done += 1;
+        let seconds = self.start.elapsed().as_secs_f64();
+        let left = seconds / self.done as f64 * (self.count - self.done.min(self.count)) as f64;
+        let message = format!("{} of {} frames  ETA {}", self.done, self.count, clock(left));
+        self.face.show(self.done as f64 / self.count as f64, message);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_tells_speed_loss_quality_and_time_left() {
+        let mut training = Training::default();
+        training.psnr = Some(24.318);
+        let step = Event::Step {
+            stage: Stage::Geometry,
+            step: 7,
+            progress: 0.5,
+            loss: 0.012_34,
+            rate: 12.34,
+            rays_per_second: 45_600.0,
+            eta: 75.0,
+        };
+        assert_eq!(
+            training.measures(&step),
+            "12.3 it/s  46k rays/s  loss 0.0123  PSNR 24.32 dB  ETA 1:15"
+        );
+    }
+
+    #[test]
+    fn a_synthetic_scene_is_called_so() {
+        let loaded = Event::Loaded {
+            train_photos: 35,
+            test_photos: 5,
+            size: [384, 288],
+            paintings: 200,
+            synthetic: true,
+        };
+        assert!(sentence(&loaded).is_some_and(|text| text.contains("synthetic")));
+    }
+}

@@ -1,0 +1,108 @@
+//! `impasto render`.
+
+mod styles;
+mod views;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use impasto::{Look, Model};
+use serde_json::json;
+
+use self::styles::Styles;
+use self::views::ViewSource;
+use super::progress::Frames;
+use super::values::{StyleArg, clock, share, size};
+use super::{Answer, CliError};
+use crate::output::{Frame, Target, picture};
+
+/// Render a model as photographed, or in the style of paintings
+///
+/// Several styles without weights are rendered side by side from one pass over the geometry: in a
+/// folder each has a sub-folder of its name, a GIF becomes one file per style, and a contact sheet
+/// has one column per style. Styles with weights (IMAGE:0.7) are mixed into one.
+#[derive(Debug, Args)]
+#[command(verbatim_doc_comment)]
+pub struct RenderArgs {
+    /// The model's folder
+    model: PathBuf,
+    /// A painting, with a weight to mix several (IMAGE:0.7); may be repeated
+    #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
+    styles: Vec<StyleArg>,
+    /// From the photos' colours (0) to the style's (1)
+    #[arg(long, value_name = "0..1", default_value = "1", value_parser = share, requires = "styles")]
+    strength: f32,
+    /// Viewpoints: train, test (those of the photos), orbit, spiral, or a camera path's JSON file
+    #[arg(long, default_value = "orbit", value_name = "VIEWS")]
+    views: ViewSource,
+    /// Size of a frame in pixels [default: the photos' as trained]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<(u32, u32)>,
+    /// Number of frames; of photos' views, this many evenly spaced ones [default: all, or 60]
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+    /// Write depth too (NumPy float32, along the camera's axis, scene units); folders only
+    #[arg(long)]
+    depth: bool,
+    /// A folder for numbered PNGs and cameras.json, a PNG (contact sheet of all views) or a GIF
+    #[arg(short, long, value_name = "DIR|FILE.png|FILE.gif")]
+    output: PathBuf,
+}
+
+/// One picture per view is made of each variant.
+struct Variant {
+    name: String,
+    look: Look,
+}
+
+/// Runs the command.
+pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
+    let start = Instant::now();
+    let target = Target::new(&args.output, args.depth)?;
+    let styles = Styles::read(&args.styles)?;
+    target.check()?;
+    let model = Model::load(&args.model)?;
+    let variants = styles.variants(&model)?;
+    let names: Vec<String> = variants.iter().map(|v| v.name.clone()).collect();
+    let views = views::views(&model, &args.views, args.size, args.frames)?;
+    let photo = model.photo_look();
+    let blended = args.strength < 1.0 && !styles.is_empty();
+    let mut looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
+    if blended {
+        looks.push(&photo);
+    }
+
+    let synthetic = model.file.scene.synthetic;
+    let mut sink = target.open(&names, synthetic)?;
+    let mut progress = Frames::new(views.len());
+    for view in &views {
+        let mut rendered = model.render(&view.camera, &looks);
+        if blended && let Some(photo) = rendered.pixels.pop() {
+            for styled in &mut rendered.pixels {
+                picture::blend(&photo, styled, args.strength);
+            }
+        }
+        sink.add(Frame {
+            view,
+            pictures: (0..variants.len()).map(|look| rendered.image(look)).collect(),
+            depth: &rendered.depth,
+        })?;
+        progress.tick();
+    }
+    drop(progress);
+    let outputs = sink.finish()?;
+    let seconds = start.elapsed().as_secs_f64();
+    let paths: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+    let kind = if synthetic { " of a synthetic scene" } else { "" };
+    Ok(Answer {
+        text: format!("{} views{kind} in {}: {}", views.len(), clock(seconds), paths.join(", ")),
+        json: json!({
+            "outputs": paths,
+            "views": views.len(),
+            "styles": if styles.is_empty() { Vec::new() } else { names },
+            "synthetic": synthetic,
+            "seconds": seconds,
+        }),
+    })
+}

@@ -1,0 +1,130 @@
+//! The paintings to render with.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use image::RgbImage;
+use impasto::scene::{SceneError, read_rgb};
+use impasto::{Model, StyleCode};
+
+use super::Variant;
+use crate::cli::CliError;
+use crate::cli::values::StyleArg;
+
+/// The paintings, read, and what to do with them.
+pub enum Styles {
+    /// None: the photos' own look.
+    Photo,
+    /// Each for itself, under its name.
+    Each(Vec<(String, RgbImage)>),
+    /// All in one, by their weights.
+    Mix(Vec<(RgbImage, f32)>),
+}
+
+impl Styles {
+    /// Reads the paintings. Weights belong to all of them or to none.
+    pub fn read(args: &[StyleArg]) -> Result<Self, CliError> {
+        let weights: Vec<f32> = args.iter().filter_map(|style| style.weight).collect();
+        if !weights.is_empty() && weights.len() < args.len() {
+            let problem = "give every --style a weight to mix them, or none to render each";
+            return Err(CliError::Usage(problem.into()));
+        }
+        if !weights.is_empty() && weights.iter().all(|weight| *weight == 0.0) {
+            return Err(Self::weightless());
+        }
+        let images = args
+            .iter()
+            .map(|style| painting(&style.path))
+            .collect::<Result<Vec<_>, _>>()?;
+        Ok(if args.is_empty() {
+            Self::Photo
+        } else if weights.is_empty() {
+            Self::Each(names(args).into_iter().zip(images).collect())
+        } else {
+            Self::Mix(images.into_iter().zip(weights).collect())
+        })
+    }
+
+    fn weightless() -> CliError {
+        CliError::Usage("at least one --style needs a weight above 0".into())
+    }
+
+    /// Whether the scene is left as photographed.
+    pub fn is_empty(&self) -> bool {
+        matches!(self, Self::Photo)
+    }
+
+    /// The looks that the model gives them.
+    pub fn variants(&self, model: &Model) -> Result<Vec<Variant>, CliError> {
+        let variant = |name: &str, code: &StyleCode| -> Result<Variant, CliError> {
+            Ok(Variant {
+                name: name.to_owned(),
+                look: model.look(code).ok_or(CliError::Unstyled)?,
+            })
+        };
+        match self {
+            Self::Photo => Ok(vec![Variant {
+                name: "photo".into(),
+                look: model.photo_look(),
+            }]),
+            Self::Each(images) => images
+                .iter()
+                .map(|(name, image)| variant(name, &model.style_code(image)?))
+                .collect(),
+            Self::Mix(images) => {
+                let codes = images
+                    .iter()
+                    .map(|(image, weight)| Ok((model.style_code(image)?, *weight)))
+                    .collect::<Result<Vec<_>, CliError>>()?;
+                let mix = StyleCode::mix(&codes).ok_or_else(Self::weightless)?;
+                Ok(vec![variant("mix", &mix)?])
+            }
+        }
+    }
+}
+
+/// Reads one style image.
+fn painting(path: &Path) -> Result<RgbImage, CliError> {
+    read_rgb(path).map_err(|error| match error {
+        SceneError::Photo { path, problem } => CliError::Painting { path, problem },
+        SceneError::Io { path, source } => CliError::Read { path, source },
+        other => CliError::Scene(other),
+    })
+}
+
+/// File names without their endings, made different by numbers where they are not.
+fn names(args: &[StyleArg]) -> Vec<String> {
+    let mut taken = HashSet::new();
+    args.iter()
+        .map(|style| {
+            let stem = style.path.file_stem().map_or("style".into(), |s| s.to_string_lossy());
+            let numbered = |n: usize| if n == 1 { stem.to_string() } else { format!("{stem}-{n}") };
+            let mut n = 1;
+            while !taken.insert(numbered(n)) {
+                n += 1;
+            }
+            numbered(n)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(styles: &[&str]) -> Vec<StyleArg> {
+        styles.iter().map(|s| s.parse().unwrap()).collect()
+    }
+
+    #[test]
+    fn names_are_different() {
+        assert_eq!(names(&args(&["a/x.png", "b/x.jpg", "y.png"])), ["x", "x-2", "y"]);
+    }
+
+    #[test]
+    fn weights_are_for_all_or_none() {
+        for wrong in [["a.png:0.5", "b.png"], ["a.png:0", "b.png:0"]] {
+            assert!(matches!(Styles::read(&args(&wrong)), Err(CliError::Usage(_))), "{wrong:?}");
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Where to render from.
+
+use std::fs;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use impasto::scene::paths::{KeyframeOptions, keyframes, orbit, spiral};
+use impasto::scene::{Camera, Intrinsics, Split};
+use impasto::{Model, ModelScene};
+
+use crate::cli::CliError;
+use crate::output::View;
+
+/// Frames of an orbit or a spiral when none are asked for.
+const FRAMES: usize = 60;
+
+/// Where viewpoints come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ViewSource {
+    /// The photos of a split.
+    Photos(Split),
+    /// A loop around the scene.
+    Orbit,
+    /// A sway in front of the scene.
+    Spiral,
+    /// A camera path's file.
+    File(PathBuf),
+}
+
+impl FromStr for ViewSource {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "train" => Ok(Self::Photos(Split::Train)),
+            "test" => Ok(Self::Photos(Split::Test)),
+            "orbit" => Ok(Self::Orbit),
+            "spiral" => Ok(Self::Spiral),
+            file if file.to_ascii_lowercase().ends_with(".json") => Ok(Self::File(file.into())),
+            _ => Err("use train, test, orbit, spiral or a .json file".into()),
+        }
+    }
+}
+
+/// The views of `source`; see the command's help for `size` and `frames`.
+pub fn views(
+    model: &Model,
+    source: &ViewSource,
+    size: Option<(u32, u32)>,
+    frames: Option<usize>,
+) -> Result<Vec<View>, CliError> {
+    if frames == Some(0) {
+        return Err(CliError::Usage("--frames must be at least 1".into()));
+    }
+    let scene = &model.file.scene;
+    let train = cameras(scene, Split::Train);
+    let path_size = || size.or_else(|| train.first().map(pixels)).unwrap_or((1, 1));
+    let count = frames.unwrap_or(FRAMES);
+    let cameras = match source {
+        ViewSource::Photos(split) => return Ok(photos(scene, *split, size, frames)),
+        ViewSource::Orbit => orbit(&train, count, path_size())?,
+        ViewSource::Spiral => spiral(&train, count, path_size())?,
+        ViewSource::File(path) => {
+            let text = fs::read_to_string(path).map_err(|source| CliError::Read {
+                path: path.clone(),
+                source,
+            })?;
+            let options = KeyframeOptions {
+                cameras: &train,
+                normalisation: &scene.normalisation,
+                frames,
+                size,
+            };
+            keyframes(&text, &options).map_err(|source| CliError::PathFile {
+                path: path.clone(),
+                source,
+            })?
+        }
+    };
+    let view = |camera| View { camera, photo: None };
+    Ok(cameras.into_iter().map(view).collect())
+}
+
+fn cameras(scene: &ModelScene, split: Split) -> Vec<Camera> {
+    let photos = scene.photos.iter().filter(|photo| photo.split == split);
+    photos.map(|photo| photo.camera).collect()
+}
+
+fn pixels(camera: &Camera) -> (u32, u32) {
+    (camera.intrinsics.width, camera.intrinsics.height)
+}
+
+/// Views of a split's photos; `frames` of them, evenly spaced, when there are more.
+fn photos(
+    scene: &ModelScene,
+    split: Split,
+    size: Option<(u32, u32)>,
+    frames: Option<usize>,
+) -> Vec<View> {
+    let photos: Vec<_> = scene.photos.iter().filter(|photo| photo.split == split).collect();
+    let count = frames.unwrap_or(photos.len()).min(photos.len());
+    (0..count)
+        .map(|i| {
+            let photo = photos[i * photos.len() / count];
+            let intrinsics = match size {
+                Some(size) => cropped(&photo.camera.intrinsics, size),
+                None => photo.camera.intrinsics,
+            };
+            View {
+                camera: Camera { intrinsics, ..photo.camera },
+                photo: Some(photo.name.clone()),
+            }
+        })
+        .collect()
+}
+
+/// The same lens on another pixel grid. Another shape shows the middle of the photo: nothing is
+/// stretched, and nothing is shown that was not photographed.
+fn cropped(k: &Intrinsics, (width, height): (u32, u32)) -> Intrinsics {
+    let (w, h) = (f64::from(width), f64::from(height));
+    let (old_w, old_h) = (f64::from(k.width), f64::from(k.height));
+    let scale = (w / old_w).max(h / old_h);
+    Intrinsics {
+        width,
+        height,
+        fl_x: k.fl_x * scale,
+        fl_y: k.fl_y * scale,
+        cx: (k.cx - 0.5 * old_w) * scale + 0.5 * w,
+        cy: (k.cy - 0.5 * old_h) * scale + 0.5 * h,
+        distortion: k.distortion,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use impasto::scene::Distortion;
+
+    use super::*;
+
+    const LENS: Intrinsics = Intrinsics {
+        width: 400,
+        height: 300,
+        fl_x: 350.0,
+        fl_y: 350.0,
+        cx: 210.0,
+        cy: 140.0,
+        distortion: Distortion { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0 },
+    };
+
+    #[test]
+    fn the_same_shape_is_the_same_view() {
+        assert_eq!(cropped(&LENS, (200, 150)), LENS.resized(200, 150));
+    }
+
+    #[test]
+    fn another_shape_is_cut_from_the_middle() {
+        let wide = cropped(&LENS, (400, 200));
+        assert_eq!((wide.fl_x, wide.fl_y, wide.cx, wide.cy), (350.0, 350.0, 210.0, 90.0));
+        let square = cropped(&LENS, (600, 600));
+        assert_eq!((square.fl_x, square.fl_y, square.cx, square.cy), (700.0, 700.0, 320.0, 280.0));
+    }
+
+    #[test]
+    fn a_source_is_a_word_or_a_json_file() {
+        assert_eq!("test".parse(), Ok(ViewSource::Photos(Split::Test)));
+        assert_eq!("a/b.JSON".parse(), Ok(ViewSource::File("a/b.JSON".into())));
+        assert!("around".parse::<ViewSource>().is_err());
+    }
+}

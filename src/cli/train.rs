@@ -1,0 +1,146 @@
+//! `impasto train`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use impasto::scene::Format;
+use impasto::{Budget, Stages, TrainConfig, TrainOptions, TrainSummary, train};
+
+use super::values::{clock, duration};
+use super::{Answer, CliError, progress, settings};
+use crate::output::check_folder;
+
+/// Learn a scene from posed photos, and to repaint it from paintings
+#[derive(Debug, Args)]
+pub struct TrainArgs {
+    /// The capture: a COLMAP folder, or one with transforms.json
+    scene: PathBuf,
+    /// Folder to write the model to
+    #[arg(short, long, value_name = "MODEL")]
+    output: PathBuf,
+    /// Folder of paintings to learn from [default: generated ones only]
+    #[arg(long, value_name = "DIR")]
+    styles: Option<PathBuf>,
+    /// What to train; `style` continues from the geometry that MODEL has
+    #[arg(long, value_enum, default_value = "all")]
+    stage: StageArg,
+    /// Sizes and schedules to start from
+    #[arg(long, value_enum, default_value = "fast")]
+    preset: Preset,
+    #[command(flatten)]
+    budget: BudgetArgs,
+    /// Shrink the photos this many times
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: u32,
+    /// Format of the capture, where it should not be detected: colmap or transforms
+    #[arg(long)]
+    format: Option<Format>,
+    /// Start of the random numbers; the same seed and steps give the same model
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// TOML or JSON file with settings that differ from the preset's
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// One setting, e.g. style.style_weight=30; after the file's; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum StageArg {
+    /// Geometry, then style
+    All,
+    /// The scene as photographed
+    Geometry,
+    /// How to repaint it
+    Style,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Preset {
+    /// For a CPU: hash grids and small networks
+    Fast,
+    /// The paper's architecture and schedule
+    Paper,
+}
+
+/// How long to train.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct BudgetArgs {
+    /// Time for training, e.g. 90s, 10m or 1h30m [default: 10m]
+    #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "steps")]
+    budget: Option<Duration>,
+    /// Number of steps of training, instead of a time
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+}
+
+impl BudgetArgs {
+    const DEFAULT: Duration = Duration::from_secs(600);
+
+    /// The budget that was asked for.
+    pub fn get(self) -> Budget {
+        match self.steps {
+            Some(steps) => Budget::Steps(steps),
+            None => Budget::Time(self.budget.unwrap_or(Self::DEFAULT)),
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
+    let preset = match args.preset {
+        Preset::Fast => TrainConfig::fast(),
+        Preset::Paper => {
+            let problem = "--preset paper comes with a later version; use --preset fast";
+            return Err(CliError::Refused(problem.into()));
+        }
+    };
+    let options = TrainOptions {
+        scene: args.scene.clone(),
+        output: args.output.clone(),
+        styles: args.styles.clone(),
+        stages: match args.stage {
+            StageArg::All => Stages::All,
+            StageArg::Geometry => Stages::Geometry,
+            StageArg::Style => Stages::Style,
+        },
+        config: settings::configure(&preset, args.config.as_deref(), &args.set)?,
+        budget: args.budget.get(),
+        downscale: args.downscale,
+        format: args.format,
+        seed: args.seed,
+    };
+    let summary = watched(&options)?;
+    Ok(Answer {
+        text: describe(&summary),
+        json: super::to_json(&summary),
+    })
+}
+
+/// Trains, with progress on stderr. That the model can be written is checked before.
+pub fn watched(options: &TrainOptions) -> Result<TrainSummary, CliError> {
+    check_folder(&options.output)?;
+    let mut progress = progress::Training::default();
+    Ok(train(options, &mut |event| progress.show(event))?)
+}
+
+/// A summary in words.
+pub fn describe(summary: &TrainSummary) -> String {
+    let kind = if summary.synthetic { " (synthetic scene)" } else { "" };
+    let mut text = format!(
+        "PSNR {:.2} dB and SSIM {:.3} on {} held-out views{kind}\n\
+         {} steps of geometry and {} of style in {}\n",
+        summary.psnr,
+        summary.ssim,
+        summary.views,
+        summary.geometry_steps,
+        summary.style_steps,
+        clock(summary.seconds),
+    );
+    if summary.unreadable_paintings > 0 {
+        text += &format!("{} paintings could not be read and were left out\n", summary.unreadable_paintings);
+    }
+    text + &format!("model: {}", summary.model.display())
+}

@@ -1,0 +1,40 @@
+//! Posed photos of a real place in; a 3-D scene out that can be rendered from new viewpoints in
+//! the style of any painting.
+//!
+//! This is the front door of the workspace: the names that a program needs, each owned and
+//! documented by the crate that it comes from. The `impasto` command is built from the same names.
+//!
+//! ```no_run
+//! use impasto::{Budget, Model, Stages, TrainConfig, TrainOptions, scene, train};
+//! use std::time::Duration;
+//!
+//! let options = TrainOptions {
+//!     scene: "capture".into(),
+//!     output: "model".into(),
+//!     styles: Some("paintings".into()),
+//!     stages: Stages::All,
+//!     config: TrainConfig::fast(),
+//!     budget: Budget::Time(Duration::from_secs(600)),
+//!     downscale: 1,
+//!     format: None,
+//!     seed: 0,
+//! };
+//! let summary = train(&options, &mut |_event| ())?;
+//!
+//! let model = Model::load(&summary.model)?;
+//! let painting = scene::read_rgb("painting.jpg".as_ref())?;
+//! let look = model.look(&model.style_code(&painting)?).ok_or("no style stage yet")?;
+//! let view = model.render(&model.file.scene.photos[0].camera, &[&look]);
+//! view.image(0).save("view.png")?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#![warn(missing_docs)]
+
+pub use impasto_paintings as paintings;
+pub use impasto_scene as scene;
+pub use impasto_style::{StyleCode, StyleError};
+pub use impasto_train::{
+    Budget, Event, Look, Model, ModelPhoto, ModelScene, RenderedView, Stage, Stages, TrainConfig,
+    TrainError, TrainOptions, TrainSummary, train,
+};
