@@ -18,6 +18,10 @@ pub fn note(text: impl Display) {
 
 /// Why the command failed, in one line.
 pub fn error(problem: impl Display) {
-    let line = problem.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+    let line = problem
+        .to_string()
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
     let _ = writeln!(io::stderr().lock(), "error: {line}");
 }

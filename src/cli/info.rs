@@ -11,7 +11,6 @@ use serde_json::{Map, Value, json};
 
 use super::{Answer, CliError, to_json};
 
-
 /// Describe a capture or a model
 #[derive(Debug, Args)]
 pub struct InfoArgs {
@@ -84,7 +83,9 @@ fn outline(value: &Value) -> String {
 }
 
 fn write_outline(value: &Value, depth: usize, text: &mut String) {
-    let Value::Object(entries) = value else { return };
+    let Value::Object(entries) = value else {
+        return;
+    };
     for (name, value) in entries {
         text.push_str(&"  ".repeat(depth));
         text.push_str(&name.replace('_', " "));
@@ -109,11 +110,18 @@ fn inline(value: &Value) -> String {
         Value::String(text) => text.clone(),
         Value::Array(items) => {
             let shown: Vec<String> = items.iter().take(SHOWN).map(inline).collect();
-            let more = if items.len() > SHOWN { format!(", … ({} in all)", items.len()) } else { String::new() };
+            let more = if items.len() > SHOWN {
+                format!(", … ({} in all)", items.len())
+            } else {
+                String::new()
+            };
             format!("{}{more}", shown.join(", "))
         }
         Value::Object(entries) => {
-            let parts: Vec<String> = entries.iter().map(|(k, v)| format!("{k} {}", inline(v))).collect();
+            let parts: Vec<String> = entries
+                .iter()
+                .map(|(k, v)| format!("{k} {}", inline(v)))
+                .collect();
             parts.join(" ")
         }
         Value::Null => "–".into(),

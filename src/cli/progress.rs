@@ -44,7 +44,11 @@ impl Face {
             bar.set_message(message);
         } else if self.spoke.is_none_or(|at| at.elapsed() >= QUIET) {
             self.spoke = Some(Instant::now());
-            note(format_args!("{:>8} {:>3.0} %  {message}", self.title, 100.0 * progress));
+            note(format_args!(
+                "{:>8} {:>3.0} %  {message}",
+                self.title,
+                100.0 * progress
+            ));
         }
     }
 
@@ -101,16 +105,30 @@ impl Training {
     }
 
     fn measures(&self, event: &Event) -> String {
-        let Event::Step { loss, rate, rays_per_second, eta, .. } = event else {
+        let Event::Step {
+            loss,
+            rate,
+            rays_per_second,
+            eta,
+            ..
+        } = event
+        else {
             return String::new();
         };
-        let psnr = self.psnr.map_or_else(String::new, |psnr| format!("  PSNR {psnr:.2} dB"));
+        let psnr = self
+            .psnr
+            .map_or_else(String::new, |psnr| format!("  PSNR {psnr:.2} dB"));
         let rays = rays_per_second / 1e3;
-        format!("{rate:.1} it/s  {rays:.0}k rays/s  loss {loss:.4}{psnr}  ETA {}", clock(*eta))
+        format!(
+            "{rate:.1} it/s  {rays:.0}k rays/s  loss {loss:.4}{psnr}  ETA {}",
+            clock(*eta)
+        )
     }
 
     fn say(&self, event: &Event) {
-        let Some(sentence) = sentence(event) else { return };
+        let Some(sentence) = sentence(event) else {
+            return;
+        };
         match &self.face {
             Some(face) => face.say(&sentence),
             None => note(sentence),
@@ -121,14 +139,29 @@ impl Training {
 /// An event in words, where it deserves some.
 fn sentence(event: &Event) -> Option<String> {
     Some(match event {
-        Event::Loaded { train_photos, test_photos, size, paintings, synthetic } => {
-            let kind = if *synthetic { "synthetic photos" } else { "photos" };
+        Event::Loaded {
+            train_photos,
+            test_photos,
+            size,
+            paintings,
+            synthetic,
+        } => {
+            let kind = if *synthetic {
+                "synthetic photos"
+            } else {
+                "photos"
+            };
             format!(
                 "{train_photos} {kind} of {}×{} to learn from, {test_photos} held out; {paintings} paintings",
                 size[0], size[1]
             )
         }
-        Event::Validation { step, psnr, ssim, views } => {
+        Event::Validation {
+            step,
+            psnr,
+            ssim,
+            views,
+        } => {
             format!("step {step}: PSNR {psnr:.2} dB, SSIM {ssim:.3} on {views} held-out views")
         }
         Event::Warning { message } => format!("warning: {message}"),
@@ -161,8 +194,14 @@ impl Frames {
         self.done += 1;
         let seconds = self.start.elapsed().as_secs_f64();
         let left = seconds / self.done as f64 * (self.count - self.done.min(self.count)) as f64;
-        let message = format!("{} of {} frames  ETA {}", self.done, self.count, clock(left));
-        self.face.show(self.done as f64 / self.count as f64, message);
+        let message = format!(
+            "{} of {} frames  ETA {}",
+            self.done,
+            self.count,
+            clock(left)
+        );
+        self.face
+            .show(self.done as f64 / self.count as f64, message);
     }
 }
 
@@ -172,8 +211,10 @@ mod tests {
 
     #[test]
     fn a_step_tells_speed_loss_quality_and_time_left() {
-        let mut training = Training::default();
-        training.psnr = Some(24.318);
+        let training = Training {
+            face: None,
+            psnr: Some(24.318),
+        };
         let step = Event::Step {
             stage: Stage::Geometry,
             step: 7,

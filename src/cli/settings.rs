@@ -26,9 +26,9 @@ pub fn configure(
             .map_err(|problem| CliError::Refused(format!("{}: {problem}", path.display())))?;
     }
     for setting in settings {
-        let (key, text) = setting.split_once('=').ok_or_else(|| {
-            CliError::Usage(format!("--set {setting}: write it as KEY=VALUE"))
-        })?;
+        let (key, text) = setting
+            .split_once('=')
+            .ok_or_else(|| CliError::Usage(format!("--set {setting}: write it as KEY=VALUE")))?;
         let value = serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
         config
             .merge(key, value)
@@ -42,7 +42,9 @@ fn read(path: &Path) -> Result<Value, CliError> {
         path: path.to_owned(),
         source,
     })?;
-    let json = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    let json = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"));
     let value = if json {
         serde_json::from_str(&text).map_err(|e| e.to_string())
     } else {
@@ -50,7 +52,10 @@ fn read(path: &Path) -> Result<Value, CliError> {
     };
     match value {
         Ok(value @ Value::Object(_)) => Ok(value),
-        Ok(_) => Err(CliError::Refused(format!("{}: not a table of settings", path.display()))),
+        Ok(_) => Err(CliError::Refused(format!(
+            "{}: not a table of settings",
+            path.display()
+        ))),
         Err(problem) => Err(CliError::Refused(format!("{}: {problem}", path.display()))),
     }
 }
@@ -75,7 +80,11 @@ impl Settings {
         match new {
             Value::Object(entries) if !self.is_choice(key, entries.keys()) => {
                 for (name, value) in entries {
-                    let below = if key.is_empty() { name } else { format!("{key}.{name}") };
+                    let below = if key.is_empty() {
+                        name
+                    } else {
+                        format!("{key}.{name}")
+                    };
                     self.merge(&below, value)?;
                 }
                 Ok(())
@@ -89,7 +98,9 @@ impl Settings {
     fn is_choice<'a>(&self, key: &str, names: impl Iterator<Item = &'a String>) -> bool {
         let names: Vec<&String> = names.collect();
         match self.value.pointer(&pointer(key)) {
-            Some(Value::Object(old)) => old.len() == 1 && names.len() == 1 && !old.contains_key(names[0]),
+            Some(Value::Object(old)) => {
+                old.len() == 1 && names.len() == 1 && !old.contains_key(names[0])
+            }
             Some(_) => true,
             None => false,
         }
@@ -113,7 +124,10 @@ impl Settings {
         leaves(&self.value, "", &mut keys);
         keys.sort_by_cached_key(|candidate| distance(key, candidate));
         keys.truncate(3);
-        format!("there is no setting \"{key}\"; the closest are {}", keys.join(", "))
+        format!(
+            "there is no setting \"{key}\"; the closest are {}",
+            keys.join(", ")
+        )
     }
 }
 
@@ -122,7 +136,10 @@ fn pointer(key: &str) -> String {
     if key.is_empty() {
         return String::new();
     }
-    format!("/{}", key.replace('~', "~0").replace('/', "~1").replace('.', "/"))
+    format!(
+        "/{}",
+        key.replace('~', "~0").replace('/', "~1").replace('.', "/")
+    )
 }
 
 /// All keys that hold a value rather than a table.
@@ -130,7 +147,11 @@ fn leaves(value: &Value, key: &str, into: &mut Vec<String>) {
     match value {
         Value::Object(entries) => {
             for (name, value) in entries {
-                let below = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
+                let below = if key.is_empty() {
+                    name.clone()
+                } else {
+                    format!("{key}.{name}")
+                };
                 leaves(value, &below, into);
             }
         }
@@ -172,7 +193,10 @@ mod tests {
     #[test]
     fn a_dotted_key_sets_one_value() {
         let config = set(&["geometry.grid_rate=0.5", "style.patch=[9, 7]"]).unwrap();
-        assert_eq!((config.geometry.grid_rate, config.style.patch), (0.5, [9, 7]));
+        assert_eq!(
+            (config.geometry.grid_rate, config.style.patch),
+            (0.5, [9, 7])
+        );
         let unchanged = TrainConfig {
             geometry: TrainConfig::fast().geometry,
             style: TrainConfig::fast().style,
@@ -185,7 +209,10 @@ mod tests {
     fn an_unknown_key_is_named_with_its_neighbours() {
         let problem = set(&["geometry.gird_rate=1"]).unwrap_err();
         assert!(problem.contains("\"geometry.gird_rate\""), "{problem}");
-        assert!(problem.contains("closest are geometry.grid_rate"), "{problem}");
+        assert!(
+            problem.contains("closest are geometry.grid_rate"),
+            "{problem}"
+        );
     }
 
     #[test]
@@ -200,7 +227,12 @@ mod tests {
         let config = set(&["style_app.canvas=null"]).unwrap();
         assert_eq!(config.style_app.canvas, None);
         let config = set(&[r#"style_app.canvas={"frequency": {"bands": 4}}"#]).unwrap();
-        assert!(config.style_app.canvas.is_some_and(|c| c.hash_grid().is_none()));
+        assert!(
+            config
+                .style_app
+                .canvas
+                .is_some_and(|c| c.hash_grid().is_none())
+        );
         assert!(set(&[r#"style_app.canvas={"wavelet": {}}"#]).is_err());
     }
 
@@ -208,19 +240,33 @@ mod tests {
     fn files_are_toml_or_json_and_settings_win() {
         let folder = tempfile::tempdir().unwrap();
         let files = [
-            ("run.toml", "geometry_share = 0.25\n[geometry]\ngrid_rate = 0.5\n"),
-            ("run.json", r#"{"geometry_share": 0.25, "geometry": {"grid_rate": 0.5}}"#),
+            (
+                "run.toml",
+                "geometry_share = 0.25\n[geometry]\ngrid_rate = 0.5\n",
+            ),
+            (
+                "run.json",
+                r#"{"geometry_share": 0.25, "geometry": {"grid_rate": 0.5}}"#,
+            ),
         ];
         for (name, text) in files {
             let path = folder.path().join(name);
             fs::write(&path, text).unwrap();
             let settings = ["geometry.grid_rate=0.125".to_owned()];
             let config = configure(&TrainConfig::fast(), Some(&path), &settings).unwrap();
-            assert_eq!((config.geometry_share, config.geometry.grid_rate), (0.25, 0.125));
+            assert_eq!(
+                (config.geometry_share, config.geometry.grid_rate),
+                (0.25, 0.125)
+            );
         }
         let wrong = folder.path().join("wrong.toml");
         fs::write(&wrong, "[geometry]\nspeed = 3\n").unwrap();
-        let problem = configure(&TrainConfig::fast(), Some(&wrong), &[]).unwrap_err().to_string();
-        assert!(problem.contains("wrong.toml") && problem.contains("geometry.speed"), "{problem}");
+        let problem = configure(&TrainConfig::fast(), Some(&wrong), &[])
+            .unwrap_err()
+            .to_string();
+        assert!(
+            problem.contains("wrong.toml") && problem.contains("geometry.speed"),
+            "{problem}"
+        );
     }
 }

@@ -128,7 +128,11 @@ pub fn watched(options: &TrainOptions) -> Result<TrainSummary, CliError> {
 
 /// A summary in words.
 pub fn describe(summary: &TrainSummary) -> String {
-    let kind = if summary.synthetic { " (synthetic scene)" } else { "" };
+    let kind = if summary.synthetic {
+        " (synthetic scene)"
+    } else {
+        ""
+    };
     let mut text = format!(
         "PSNR {:.2} dB and SSIM {:.3} on {} held-out views{kind}\n\
          {} steps of geometry and {} of style in {}\n",
@@ -140,7 +144,10 @@ pub fn describe(summary: &TrainSummary) -> String {
         clock(summary.seconds),
     );
     if summary.unreadable_paintings > 0 {
-        text += &format!("{} paintings could not be read and were left out\n", summary.unreadable_paintings);
+        text += &format!(
+            "{} paintings could not be read and were left out\n",
+            summary.unreadable_paintings
+        );
     }
     text + &format!("model: {}", summary.model.display())
 }

@@ -13,7 +13,9 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     let mut seconds = 0.0;
     let mut rest = text;
     while !rest.is_empty() {
-        let digits = rest.find(|c: char| !c.is_ascii_digit() && c != '.').ok_or_else(wrong)?;
+        let digits = rest
+            .find(|c: char| !c.is_ascii_digit() && c != '.')
+            .ok_or_else(wrong)?;
         let number: f64 = rest[..digits].parse().map_err(|_| wrong())?;
         let unit = match rest.as_bytes()[digits] {
             b'h' => 3600.0,
@@ -26,7 +28,9 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     }
     // The upper end keeps the conversion from overflowing: more than a century.
     if !(1.0..4e9).contains(&seconds) {
-        return Err(format!("\"{text}\" is not a usable duration; give at least 1s"));
+        return Err(format!(
+            "\"{text}\" is not a usable duration; give at least 1s"
+        ));
     }
     Ok(Duration::from_secs_f64(seconds))
 }
@@ -47,7 +51,11 @@ pub fn clock(seconds: f64) -> String {
 
 /// Reads `640x360`.
 pub fn size(text: &str) -> Result<(u32, u32), String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (1..=LONGEST_SIDE).contains(side));
+    let side = |text: &str| {
+        text.parse()
+            .ok()
+            .filter(|side| (1..=LONGEST_SIDE).contains(side))
+    };
     text.split_once(['x', 'X', '×'])
         .and_then(|(width, height)| Some((side(width)?, side(height)?)))
         .ok_or_else(|| {
@@ -74,12 +82,16 @@ impl FromStr for StyleArg {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let split = text.rsplit_once(':').and_then(|(path, weight)| Some((path, weight.parse().ok()?)));
+        let split = text
+            .rsplit_once(':')
+            .and_then(|(path, weight)| Some((path, weight.parse().ok()?)));
         match split {
             // A file may really be called like that.
             Some(_) if Path::new(text).is_file() => {}
             Some((_, weight)) if !f32::is_finite(weight) || weight < 0.0 => {
-                return Err(format!("the weight in \"{text}\" must be a number that is not negative"));
+                return Err(format!(
+                    "the weight in \"{text}\" must be a number that is not negative"
+                ));
             }
             Some((path, weight)) => {
                 return Ok(Self {
@@ -107,7 +119,18 @@ mod tests {
         assert_eq!(seconds("10m"), Ok(600.0));
         assert_eq!(seconds("1h30m"), Ok(5400.0));
         assert_eq!(seconds("1.5m"), Ok(90.0));
-        for wrong in ["", "10", "m", "10 m", "-5s", "5d", "0s", "1.2.3s", "1e9h", "99999999999h"] {
+        for wrong in [
+            "",
+            "10",
+            "m",
+            "10 m",
+            "-5s",
+            "5d",
+            "0s",
+            "1.2.3s",
+            "1e9h",
+            "99999999999h",
+        ] {
             assert!(duration(wrong).is_err(), "{wrong}");
         }
     }

@@ -78,7 +78,9 @@ impl Film {
     pub fn finish(self) -> Result<PathBuf, CliError> {
         drop(self.encoder);
         let bytes = self.bytes.0.take();
-        write_file(&self.path, |path| fs::write(path, &bytes).map_err(CliError::write(path)))?;
+        write_file(&self.path, |path| {
+            fs::write(path, &bytes).map_err(CliError::write(path))
+        })?;
         Ok(self.path)
     }
 }
@@ -101,7 +103,10 @@ impl Films {
 
 impl Sink for Films {
     fn add(&mut self, frame: Frame<'_>) -> Result<(), CliError> {
-        self.0.iter_mut().zip(frame.pictures).try_for_each(|(film, picture)| film.add(picture))
+        self.0
+            .iter_mut()
+            .zip(frame.pictures)
+            .try_for_each(|(film, picture)| film.add(picture))
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, CliError> {
@@ -122,14 +127,21 @@ mod tests {
         let path = folder.path().join("clip.gif");
         let mut film = Film::new(&path);
         for shade in [10, 200] {
-            film.add(RgbImage::from_pixel(8, 6, image::Rgb([shade, 90, 60]))).unwrap();
+            film.add(RgbImage::from_pixel(8, 6, image::Rgb([shade, 90, 60])))
+                .unwrap();
         }
         film.finish().unwrap();
         let decoder = GifDecoder::new(io::Cursor::new(fs::read(&path).unwrap())).unwrap();
         let frames = decoder.into_frames().collect_frames().unwrap();
-        let shades: Vec<u8> = frames.iter().map(|f| f.buffer().get_pixel(3, 3).0[0]).collect();
+        let shades: Vec<u8> = frames
+            .iter()
+            .map(|f| f.buffer().get_pixel(3, 3).0[0])
+            .collect();
         assert_eq!(shades.len(), 2);
-        assert!(shades[0].abs_diff(10) < 4 && shades[1].abs_diff(200) < 4, "{shades:?}");
+        assert!(
+            shades[0].abs_diff(10) < 4 && shades[1].abs_diff(200) < 4,
+            "{shades:?}"
+        );
         assert_eq!(frames[0].delay().numer_denom_ms(), (FRAME_TIME, 1));
     }
 
@@ -137,6 +149,9 @@ mod tests {
     fn frames_of_two_sizes_are_refused() {
         let mut film = Film::new(Path::new("never-written.gif"));
         film.add(RgbImage::new(4, 4)).unwrap();
-        assert!(matches!(film.add(RgbImage::new(4, 5)), Err(CliError::Refused(_))));
+        assert!(matches!(
+            film.add(RgbImage::new(4, 5)),
+            Err(CliError::Refused(_))
+        ));
     }
 }

@@ -81,6 +81,10 @@ impl Sink for Folder {
             fs::write(&path, &text).map_err(CliError::write(&path))?;
         }
         self.staging.commit()?;
-        Ok(self.variants.iter().map(|name| self.path.join(name)).collect())
+        Ok(self
+            .variants
+            .iter()
+            .map(|name| self.path.join(name))
+            .collect())
     }
 }

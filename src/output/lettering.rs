@@ -41,13 +41,19 @@ pub fn width(text: &str, scale: u32) -> u32 {
 /// blank, what does not fit is cut off.
 pub fn draw(picture: &mut RgbImage, (x, y): (u32, u32), text: &str, scale: u32, colour: Rgb<u8>) {
     for (i, letter) in text.chars().enumerate() {
-        let Some((_, rows)) = GLYPHS.iter().find(|(l, _)| *l == letter.to_ascii_uppercase()) else {
+        let Some((_, rows)) = GLYPHS
+            .iter()
+            .find(|(l, _)| *l == letter.to_ascii_uppercase())
+        else {
             continue;
         };
         let left = x + i as u32 * ADVANCE * scale;
         for (dy, dx) in (0..HEIGHT * scale).flat_map(|dy| (0..5 * scale).map(move |dx| (dy, dx))) {
             let set = rows[(dy / scale) as usize] >> (4 - dx / scale) & 1 == 1;
-            if let Some(pixel) = picture.get_pixel_mut_checked(left + dx, y + dy).filter(|_| set) {
+            if let Some(pixel) = picture
+                .get_pixel_mut_checked(left + dx, y + dy)
+                .filter(|_| set)
+            {
                 *pixel = colour;
             }
         }

@@ -66,7 +66,9 @@ impl Target {
         const OTHERS: [&str; 11] = [
             "mp4", "mov", "webm", "mkv", "avi", "jpg", "jpeg", "webp", "bmp", "tif", "tiff",
         ];
-        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        let ending = path
+            .extension()
+            .map(|e| e.to_string_lossy().to_ascii_lowercase());
         let kind = match ending.as_deref() {
             _ if path.is_dir() => Kind::Folder { depth },
             Some("png") => Kind::Sheet,
@@ -80,7 +82,9 @@ impl Target {
             _ => Kind::Folder { depth },
         };
         if depth && !matches!(kind, Kind::Folder { .. }) {
-            return Err(CliError::Usage("--depth needs a folder as its output".into()));
+            return Err(CliError::Usage(
+                "--depth needs a folder as its output".into(),
+            ));
         }
         Ok(Self {
             path: path.to_owned(),

@@ -15,7 +15,9 @@ pub fn blend(photo: &[f32], styled: &mut [f32], strength: f32) {
 
 /// Writes a PNG.
 pub fn save_png(picture: &RgbImage, path: &Path) -> Result<(), CliError> {
-    picture.save_with_format(path, ImageFormat::Png).map_err(CliError::encode(path))
+    picture
+        .save_with_format(path, ImageFormat::Png)
+        .map_err(CliError::encode(path))
 }
 
 #[cfg(test)]
@@ -29,6 +31,9 @@ mod tests {
             blend(&[0.5, 0.5], &mut styled, strength);
             styled
         };
-        assert_eq!((at(0.0), at(0.5), at(1.0)), ([0.5, 0.5], [0.75, 0.25], [1.0, 0.0]));
+        assert_eq!(
+            (at(0.0), at(0.5), at(1.0)),
+            ([0.5, 0.5], [0.75, 0.25], [1.0, 0.0])
+        );
     }
 }

@@ -29,9 +29,10 @@ impl Sheet {
         match self.pictures.as_slice() {
             [only] => only.clone(),
             [] => grid::grid(&[], 1),
-            [first, ..] if self.variants == 1 => {
-                grid::grid(&self.pictures, grid::square_columns(self.pictures.len(), first))
-            }
+            [first, ..] if self.variants == 1 => grid::grid(
+                &self.pictures,
+                grid::square_columns(self.pictures.len(), first),
+            ),
             _ => grid::grid(&self.pictures, self.variants),
         }
     }

@@ -76,7 +76,9 @@ impl Staging {
     }
 
     fn temporary(&self) -> &Path {
-        self.temporary.as_ref().map_or(&self.target, |folder| folder.path())
+        self.temporary
+            .as_ref()
+            .map_or(&self.target, |folder| folder.path())
     }
 }
 
@@ -120,7 +122,10 @@ mod tests {
         }
         staging.commit().unwrap();
         let text = |name| fs::read_to_string(root.path().join(name)).unwrap();
-        assert_eq!((text("mine.txt"), text("x.txt"), text("sub/y.txt")), ("kept".into(), "new".into(), "new".into()));
+        assert_eq!(
+            (text("mine.txt"), text("x.txt"), text("sub/y.txt")),
+            ("kept".into(), "new".into(), "new".into())
+        );
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 3);
     }
 

@@ -3,9 +3,9 @@
 use crate::appearance::{Appearance, shade};
 use crate::field::{Field, FieldWeights, Grids};
 use crate::sampling::{RayBatch, Samples, march};
-use burn::tensor::{Int, Tensor, TensorData};
+use burn::tensor::Tensor;
 use impasto_kernels::cpu::composite;
-use impasto_kernels::{CompositeLayout, ops};
+use impasto_kernels::{CompositeLayout, RaySpan, ops};
 use std::sync::Arc;
 
 /// The numbers of a tensor, in row-major order.
@@ -51,52 +51,6 @@ impl Geometry {
         composite::weights(&self.layout, &host(self.density.clone()))
     }
 
-    /// The samples that light reaches: those whose transmittance from the camera is at least
-    /// `least`, and the farthest of each ray. What lies behind a surface can be left out of a
-    /// training step, because nothing in front of it changes its colour.
-    pub fn lit_samples(self, least: f32) -> Samples {
-        let density = host(self.density);
-        let mut keep = vec![true; density.len()];
-        for span in &self.layout.rays {
-            let mut optical_depth = 0.0;
-            for i in span.inner.clone().chain(span.outer.clone()) {
-                keep[i] = optical_depth <= -least.ln();
-                optical_depth += density[i] * self.layout.deltas[i];
-            }
-            keep[span.outer.end - 1] = true;
-        }
-        self.samples.pruned(&keep).0
-    }
-
-    /// Drops samples that contribute less than `least`; the farthest of each ray stays. Only for
-    /// geometry outside of an autodiff graph.
-    pub fn pruned(self, least: f32) -> Self {
-        let mut keep: Vec<bool> = self.weights().iter().map(|w| *w >= least).collect();
-        for span in &self.layout.rays {
-            keep[span.outer.end - 1] = true;
-        }
-        let (samples, inner, outer) = self.samples.pruned(&keep);
-        let device = self.outer.device();
-        let index = |indices: Vec<usize>| {
-            let indices: Vec<i32> = indices.into_iter().map(|i| i as i32).collect();
-            let length = indices.len();
-            Tensor::<1, Int>::from_data(TensorData::new(indices, [length]), &device)
-        };
-        let split = self.samples.inner.len();
-        let all = inner.iter().copied().chain(outer.iter().map(|i| i + split)).collect();
-        let density = self.density.select(0, index(all));
-        Self {
-            inner: match self.inner {
-                Some(features) if !inner.is_empty() => Some(features.select(0, index(inner))),
-                _ => None,
-            },
-            outer: self.outer.select(0, index(outer)),
-            density,
-            layout: Arc::new(samples.layout.clone()),
-            samples,
-        }
-    }
-
     /// Depth along the camera's axis at which half of a ray's light has been gathered.
     pub fn median_depth(&self) -> Vec<f32> {
         let weights = self.weights();
@@ -116,7 +70,91 @@ impl Geometry {
     }
 }
 
+/// What light does along marched rays.
+#[derive(Debug, Clone)]
+pub struct Light {
+    /// Contribution of each sample to its ray; zero where no light arrives.
+    pub weights: Vec<f32>,
+    /// Whether light arrives at each sample.
+    pub lit: Vec<bool>,
+}
+
+/// Ends of the waves in which a ray's samples are looked at, front to back.
+const WAVES: [usize; 3] = [16, 48, usize::MAX];
+
 impl Field {
+    /// Follows the light front to back and stops where less than `least` of it is left, so that
+    /// nothing behind a surface is evaluated. No gradients.
+    pub fn light(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Light {
+        let layout = &samples.layout;
+        let mut light = Light {
+            weights: vec![0.0; samples.len()],
+            lit: vec![false; samples.len()],
+        };
+        let mut density = vec![0.0; samples.len()];
+        let mut transmittance = vec![1.0f32; layout.rays.len()];
+        let mut start = 0;
+        for end in WAVES {
+            let mut wave = vec![false; samples.len()];
+            let mut any = false;
+            for (span, _) in layout.rays.iter().zip(&transmittance).filter(|(_, t)| **t >= least) {
+                for i in along(span, start, end) {
+                    wave[i] = true;
+                    any = true;
+                }
+            }
+            if !any {
+                break;
+            }
+            let subset = samples.pruned(&wave);
+            let numbers = self.densities(weights, &subset);
+            let indices = wave.iter().enumerate().filter(|(_, w)| **w).map(|(i, _)| i);
+            for (i, d) in indices.zip(numbers) {
+                density[i] = d;
+            }
+            for (span, t) in layout.rays.iter().zip(&mut transmittance).filter(|(_, t)| **t >= least) {
+                for i in along(span, start, end) {
+                    light.lit[i] = *t >= least;
+                    let passed = (-density[i] * layout.deltas[i]).exp();
+                    light.weights[i] = *t * (1.0 - passed);
+                    *t *= passed;
+                }
+            }
+            start = end;
+        }
+        light
+    }
+
+    /// Densities of samples, inner first.
+    fn densities(&self, weights: &FieldWeights, samples: &Samples) -> Vec<f32> {
+        let mut all = Vec::with_capacity(samples.len());
+        let volumes = [(&self.inner, &weights.inner, &samples.inner), (&self.outer, &weights.outer, &samples.outer)];
+        for (branch, weights, samples) in volumes {
+            if !samples.is_empty() {
+                let positions = samples.positions(branch.dimensions());
+                all.extend(host(branch.geometry(weights, &positions).1));
+            }
+        }
+        all
+    }
+
+    /// The samples that contribute at least `least` of the light, and the farthest of each ray.
+    pub fn contributing(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Samples {
+        let light = self.light(weights, samples, least);
+        let mut keep: Vec<bool> = light.weights.iter().map(|w| *w >= least).collect();
+        keep_farthest(samples, &mut keep);
+        samples.pruned(&keep)
+    }
+
+    /// The samples that at least `least` of the light reaches, and the farthest of each ray. What
+    /// lies behind a surface can be left out of a training step: nothing in front of it changes
+    /// its colour.
+    pub fn reached(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Samples {
+        let mut keep = self.light(weights, samples, least).lit;
+        keep_farthest(samples, &mut keep);
+        samples.pruned(&keep)
+    }
+
     /// Marches rays through the grids; see [`march`].
     pub fn sample(&self, rays: &RayBatch, grids: &Grids, seed: Option<u64>) -> Samples {
         march(rays, &self.config.sampling, grids, seed)
@@ -175,6 +213,18 @@ impl Geometry {
     }
 }
 
+/// A ray's samples from the `start`th to before the `end`th, near to far.
+fn along(span: &RaySpan, start: usize, end: usize) -> impl Iterator<Item = usize> + use<> {
+    span.inner.clone().chain(span.outer.clone()).skip(start).take(end - start)
+}
+
+/// The composite needs the sample that everything infinitely far belongs to.
+fn keep_farthest(samples: &Samples, keep: &mut [bool]) {
+    for span in &samples.layout.rays {
+        keep[span.outer.end - 1] = true;
+    }
+}
+
 /// What rendering rays yields on the host.
 #[derive(Debug, Clone)]
 pub struct RenderedRays {
@@ -207,7 +257,8 @@ pub fn render_rays(
             origins: rays.origins[start..end].to_vec(),
             directions: rays.directions[start..end].to_vec(),
         };
-        let geometry = field.geometry(weights, field.sample(&chunk, grids, None)).pruned(SHADE_LEAST);
+        let samples = field.contributing(weights, &field.sample(&chunk, grids, None), SHADE_LEAST);
+        let geometry = field.geometry(weights, samples);
         out.depth.extend(geometry.median_depth());
         for (colours, appearance) in out.colours.iter_mut().zip(appearances) {
             let pixels = host(geometry.composite(appearance));

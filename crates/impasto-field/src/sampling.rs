@@ -111,9 +111,8 @@ impl Samples {
         self.len() == 0
     }
 
-    /// Keeps the samples that `keep` says, one flag per sample in layout order; returns the kept
-    /// indices of both volumes too.
-    pub fn pruned(&self, keep: &[bool]) -> (Self, Vec<usize>, Vec<usize>) {
+    /// Keeps the samples that `keep` says, one flag per sample in layout order.
+    pub fn pruned(&self, keep: &[bool]) -> Self {
         let split = self.inner.len();
         let inner: Vec<usize> = (0..split).filter(|i| keep[*i]).collect();
         let outer: Vec<usize> = (split..keep.len()).filter(|i| keep[*i]).map(|i| i - split).collect();
@@ -123,7 +122,7 @@ impl Samples {
         }
         let pick = |data: &[f32]| data.iter().zip(keep).filter(|(_, k)| **k).map(|(d, _)| *d).collect();
         let map = |r: &std::ops::Range<usize>| position[r.start]..position[r.end];
-        let samples = Self {
+        Self {
             inner: self.inner.kept(3, &inner),
             outer: self.outer.kept(4, &outer),
             layout: CompositeLayout {
@@ -140,8 +139,7 @@ impl Samples {
                 depths: pick(&self.layout.depths),
                 distances: pick(&self.layout.distances),
             },
-        };
-        (samples, inner, outer)
+        }
     }
 }
 

@@ -61,7 +61,11 @@ fn similarity(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> f6
         filter(&plane, width, weights)
     };
     let (mean_a, mean_b) = (smooth(|a, _| a), smooth(|_, b| b));
-    let (aa, bb, ab) = (smooth(|a, _| a * a), smooth(|_, b| b * b), smooth(|a, b| a * b));
+    let (aa, bb, ab) = (
+        smooth(|a, _| a * a),
+        smooth(|_, b| b * b),
+        smooth(|a, b| a * b),
+    );
     let sum: f64 = (0..mean_a.len())
         .map(|i| {
             let (ma, mb) = (mean_a[i], mean_b[i]);
@@ -78,7 +82,10 @@ fn filter(plane: &[f64], width: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
     let out_width = width - WINDOW + 1;
     let narrow: Vec<f64> = plane
         .chunks_exact(width)
-        .flat_map(|row| row.windows(WINDOW).map(|w| w.iter().zip(weights).map(|(v, k)| v * k).sum()))
+        .flat_map(|row| {
+            row.windows(WINDOW)
+                .map(|w| w.iter().zip(weights).map(|(v, k)| v * k).sum())
+        })
         .collect();
     let out_height = plane.len() / width - WINDOW + 1;
     let mut out = vec![0.0; out_width * out_height];
@@ -129,7 +136,11 @@ mod tests {
         assert!((ssim(&a, &a, 19, 14, 3) - 1.0).abs() < 1e-12);
         // Computed by a separate Python program: two-dimensional weights, deviations from the
         // window's mean, no shortcuts.
-        assert!((ssim(&a, &b, 19, 14, 3) - 0.641_719_208_343_767_4).abs() < 1e-6, "{}", ssim(&a, &b, 19, 14, 3));
+        assert!(
+            (ssim(&a, &b, 19, 14, 3) - 0.641_719_208_343_767_4).abs() < 1e-6,
+            "{}",
+            ssim(&a, &b, 19, 14, 3)
+        );
         assert_eq!(ssim(&a, &b, 19, 14, 3), ssim(&b, &a, 19, 14, 3));
     }
 

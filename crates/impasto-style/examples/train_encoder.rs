@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use std::path::Path;
 
 const SIDE: u32 = 160;
+const HELDOUT: usize = 20;
 const CROPS: usize = 6;
 const GENERATED: u64 = 500;
 
@@ -25,6 +26,36 @@ fn paintings(dir: &str) -> Vec<RgbImage> {
 
 fn main() {
     let args: Vec<String> = std::env::args().collect();
+    let (set, heldout) = statistics_sets(&args);
+    let training = VaeTraining {
+        steps: args.get(4).map_or(2500, |s| s.parse().unwrap()),
+        batch: 64,
+        rate: 5e-4,
+        divergence: 2e-3,
+        reconstruction: 5.0,
+        mixed: 0.5,
+        seed: 1,
+    };
+    let mut smooth = 1.0;
+    let vae = train_vae(&set, &training, &Device::flex(), |step, error| {
+        smooth = 0.98 * smooth + 0.02 * error;
+        if step % 250 == 0 {
+            println!("step {step}: error {smooth:.4}");
+        }
+    });
+    println!("explained: {:.4} of training, {:.4} of held-out variance", vae.explained(&set[..200]), vae.explained(&heldout));
+    std::fs::write(&args[1], vae.to_bytes().unwrap()).unwrap();
+}
+
+/// Statistics of the training and of the held-out pictures, kept between runs in a temporary file.
+fn statistics_sets(args: &[String]) -> (Vec<Statistics>, Vec<Statistics>) {
+    let cache = std::env::temp_dir().join("impasto_style_statistics.bin");
+    if let Ok(bytes) = std::fs::read(&cache) {
+        let floats: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let mut set: Vec<Statistics> = floats.chunks_exact(Statistics::LEN).map(|c| Statistics(c.to_vec())).collect();
+        let heldout = set.split_off(set.len() - HELDOUT);
+        return (set, heldout);
+    }
     let vgg = Perceptual::vgg16().unwrap();
     let statistics = |image: &RgbImage| vgg.features(&picture(image), SIDE as usize, SIDE as usize).unwrap().statistics;
     let mut rng = Pcg64::seed_from_u64(7);
@@ -43,22 +74,7 @@ fn main() {
     set.par_extend((0..GENERATED).into_par_iter().map(|seed| statistics(&paint(&Recipe::random(1_000_000 + seed), SIDE, SIDE))));
     let heldout: Vec<Statistics> = paintings(&args[3]).iter().map(|p| statistics(&square_crop(p, 1.0, (0.5, 0.5), SIDE))).collect();
     println!("{} vectors, {} held out", set.len(), heldout.len());
-    let training = VaeTraining {
-        steps: args.get(4).map_or(2500, |s| s.parse().unwrap()),
-        batch: 64,
-        rate: 1e-3,
-        divergence: 2e-3,
-        reconstruction: 5.0,
-        mixed: 0.5,
-        seed: 1,
-    };
-    let mut smooth = 1.0;
-    let vae = train_vae(&set, &training, &Device::flex(), |step, error| {
-        smooth = 0.98 * smooth + 0.02 * error;
-        if step % 250 == 0 {
-            println!("step {step}: error {smooth:.4}");
-        }
-    });
-    println!("explained: {:.4} of training, {:.4} of held-out variance", vae.explained(&set[..200]), vae.explained(&heldout));
-    std::fs::write(&args[1], vae.to_bytes().unwrap()).unwrap();
+    let numbers = set.iter().chain(&heldout).flat_map(|s| &s.0).flat_map(|v| v.to_le_bytes());
+    std::fs::write(cache, numbers.collect::<Vec<u8>>()).unwrap();
+    (set, heldout)
 }

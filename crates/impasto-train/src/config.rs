@@ -140,7 +140,7 @@ impl TrainConfig {
                 canvas_rate: 1e-2,
                 final_rate: 0.1,
                 patch: [67, 81],
-                styles_per_patch: 1,
+                styles_per_patch: 2,
                 least_weight: 5e-3,
                 hyper_width: 64,
                 virtual_share: 0.3,

@@ -145,7 +145,7 @@ impl GeometryStage {
         self.samples_per_ray = 0.9 * self.samples_per_ray + 0.1 * samples.len() as f32 / rays as f32;
         if self.step >= GRID_WARMUP {
             let weights = self.params.weights(AdamParam::value);
-            samples = self.field.geometry(&weights, samples).lit_samples(LIT);
+            samples = self.field.reached(&weights, &samples, LIT);
         }
         measure_from_surfaces(&mut samples, &targets);
         let fade = self.config.final_rate.powf(progress);

@@ -14,9 +14,18 @@ impl ModelFile {
     /// whole configuration.
     pub fn info(&self) -> Value {
         let (inner, outer) = (&self.weights.inner, &self.weights.outer);
-        let of = |split| self.scene.photos.iter().filter(|photo| photo.split == split).count();
+        let of = |split| {
+            self.scene
+                .photos
+                .iter()
+                .filter(|photo| photo.split == split)
+                .count()
+        };
         let canvas = self.style.as_ref().and_then(|style| style.canvas.as_ref());
-        let hypernetworks = self.style.iter().flat_map(|style| style.weights.iter().flat_map(|w| &w.0));
+        let hypernetworks = self
+            .style
+            .iter()
+            .flat_map(|style| style.weights.iter().flat_map(|w| &w.0));
         json!({
             "name": self.scene.name,
             "synthetic": self.scene.synthetic,

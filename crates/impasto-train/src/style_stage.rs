@@ -144,7 +144,8 @@ impl StyleStage {
         }
         let (weights, grids) = &self.frozen;
         let samples = self.field.sample(&rays, grids, Some(self.rng.random()));
-        let geometry = self.field.geometry(weights, samples).pruned(settings.least_weight).lifted();
+        let samples = self.field.contributing(weights, &samples, settings.least_weight);
+        let geometry = self.field.geometry(weights, samples).lifted();
         let content = self.vgg.features(&pixels, patch.size[0], patch.size[1])?;
         let mut report = StyleReport {
             loss: 0.0,

@@ -12,7 +12,7 @@ use crate::cli::progress::Frames;
 use crate::output::Film;
 
 const FRAMES: usize = 48;
-/// Height of a frame in pixels.
+/// Height of a frame in pixels, unless the photos are smaller.
 const HEIGHT: u32 = 240;
 /// Styles that the film passes through.
 const STYLES: usize = 3;
@@ -26,17 +26,21 @@ pub fn film(model: &Model, styles: &[Style], path: &Path) -> Result<PathBuf, Cli
         .filter(|photo| photo.split == Split::Train)
         .map(|photo| photo.camera)
         .collect();
-    let width = train.first().map_or(HEIGHT, |camera| {
+    let size = train.first().map_or((HEIGHT, HEIGHT), |camera| {
         let k = &camera.intrinsics;
-        (f64::from(HEIGHT) * f64::from(k.width) / f64::from(k.height)).round() as u32
+        let height = HEIGHT.min(k.height);
+        let width = f64::from(height) * f64::from(k.width) / f64::from(k.height);
+        (width.round() as u32, height)
     });
-    let cameras = orbit(&train, FRAMES, (width, HEIGHT))?;
+    let cameras = orbit(&train, FRAMES, size)?;
     let mut film = Film::new(path);
     let mut progress = Frames::new(FRAMES);
     for (frame, camera) in cameras.iter().enumerate() {
         let (from, to, share) = passage(frame as f32 / FRAMES as f32, styles.len());
         let codes = [(from, 1.0 - share), (to, share)].map(|(i, w)| (styles[i].code.clone(), w));
-        let look = StyleCode::mix(&codes).and_then(|code| model.look(&code)).ok_or(CliError::Unstyled)?;
+        let look = StyleCode::mix(&codes)
+            .and_then(|code| model.look(&code))
+            .ok_or(CliError::Unstyled)?;
         film.add(model.render(camera, &[&look]).image(0))?;
         progress.tick();
     }

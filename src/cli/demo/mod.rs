@@ -16,6 +16,7 @@ use impasto::{Look, Model, Stages, StyleCode, TrainConfig, TrainOptions};
 use serde_json::json;
 
 use super::train::{BudgetArgs, describe, watched};
+use super::values::size;
 use super::{Answer, CliError, console, to_json};
 use crate::output::{check_folder, picture, write_file};
 
@@ -41,6 +42,9 @@ pub struct DemoArgs {
     out: PathBuf,
     #[command(flatten)]
     budget: BudgetArgs,
+    /// Size of the photos in pixels; smaller ones make a quicker, coarser demo
+    #[arg(long, value_name = "WxH", default_value = "384x288", value_parser = size)]
+    size: (u32, u32),
     /// Start of the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -62,7 +66,12 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
     let out = &args.out;
     check_folder(out)?;
     console::note("photographing the built-in synthetic scene");
-    write_capture(&out.join("scene"), &BuiltinOptions::default())?;
+    let capture = BuiltinOptions {
+        width: args.size.0,
+        height: args.size.1,
+        ..BuiltinOptions::default()
+    };
+    write_capture(&out.join("scene"), &capture)?;
     let summary = watched(&TrainOptions {
         scene: out.join("scene"),
         output: out.join("model"),
@@ -79,7 +88,9 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
     let styles = styles(&model, &out.join("styles"))?;
     let photos = load(&out.join("scene"), &LoadOptions::default())?;
     let sheet = out.join("contact_sheet.png");
-    write_file(&sheet, |path| picture::save_png(&sheet::compose(&model, &photos, &styles), path))?;
+    write_file(&sheet, |path| {
+        picture::save_png(&sheet::compose(&model, &photos, &styles), path)
+    })?;
     let clip = clip::film(&model, &styles, &out.join("clip.gif"))?;
 
     let painted = |style: &Style| json!({"file": style.file, "label": style.label});
@@ -99,7 +110,11 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
         text: format!(
             "{}\nsynthetic paintings, not trained on: {}\npictures: {} and {}",
             describe(&summary),
-            styles.iter().map(|style| style.family).collect::<Vec<_>>().join(", "),
+            styles
+                .iter()
+                .map(|style| style.family)
+                .collect::<Vec<_>>()
+                .join(", "),
             sheet.display(),
             clip.display(),
         ),
@@ -140,7 +155,10 @@ mod tests {
     #[test]
     fn every_palette_exists() {
         for (_, name) in STYLES {
-            assert!(PALETTES.iter().any(|palette| palette.name == name), "{name}");
+            assert!(
+                PALETTES.iter().any(|palette| palette.name == name),
+                "{name}"
+            );
         }
     }
 }

@@ -19,9 +19,16 @@ const INK: Rgb<u8> = Rgb([235, 232, 225]);
 /// Photo, reconstruction and every style, for each held-out view; the paintings on top.
 pub fn compose(model: &Model, photos: &Scene, styles: &[Style]) -> RgbImage {
     let photo_look = model.photo_look();
-    let looks: Vec<&Look> =
-        std::iter::once(&photo_look).chain(styles.iter().map(|style| &style.look)).collect();
-    let views: Vec<_> = model.file.scene.photos.iter().filter(|p| p.split == Split::Test).collect();
+    let looks: Vec<&Look> = std::iter::once(&photo_look)
+        .chain(styles.iter().map(|style| &style.look))
+        .collect();
+    let views: Vec<_> = model
+        .file
+        .scene
+        .photos
+        .iter()
+        .filter(|p| p.split == Split::Test)
+        .collect();
     let mut progress = Frames::new(views.len());
     let mut rows = Vec::new();
     for view in views {
@@ -32,9 +39,16 @@ pub fn compose(model: &Model, photos: &Scene, styles: &[Style]) -> RgbImage {
         let psnr = rendered.pixels.first().map_or(f64::NAN, |reconstruction| {
             metrics::psnr(reconstruction, &picture(&photo.pixels))
         });
-        rows.push(captioned(&photo.pixels, &format!("{} synthetic", photo_name(&view.name))));
+        rows.push(captioned(
+            &photo.pixels,
+            &format!("{} synthetic", photo_name(&view.name)),
+        ));
         for i in 0..looks.len() {
-            let caption = if i == 0 { format!("reconstruction {psnr:.1} dB") } else { String::new() };
+            let caption = if i == 0 {
+                format!("reconstruction {psnr:.1} dB")
+            } else {
+                String::new()
+            };
             rows.push(captioned(&rendered.image(i), &caption));
         }
         progress.tick();
@@ -49,12 +63,24 @@ fn header(styles: &[Style], like: Option<&RgbImage>) -> Vec<RgbImage> {
     let width = like.map_or(CELL, RgbImage::width);
     let blank = || RgbImage::from_pixel(width, CELL + band(), grid::GROUND);
     let mut title = blank();
-    for (i, line) in ["impasto demo", "synthetic scene,", "synthetic paintings", "not trained on"].iter().enumerate() {
+    for (i, line) in [
+        "impasto demo",
+        "synthetic scene,",
+        "synthetic paintings",
+        "not trained on",
+    ]
+    .iter()
+    .enumerate()
+    {
         let y = CELL / 3 + i as u32 * (lettering::HEIGHT + 4) * SCALE;
         lettering::draw(&mut title, (8, y), line, SCALE, INK);
     }
     let mut cells = vec![title, blank()];
-    cells.extend(styles.iter().map(|style| captioned(&style.picture, style.family)));
+    cells.extend(
+        styles
+            .iter()
+            .map(|style| captioned(&style.picture, style.family)),
+    );
     cells
 }
 
@@ -64,11 +90,15 @@ fn band() -> u32 {
 
 /// A picture at the cells' height over its caption.
 fn captioned(image: &RgbImage, caption: &str) -> RgbImage {
-    let width = (f64::from(image.width()) * f64::from(CELL) / f64::from(image.height())).round() as u32;
+    let width =
+        (f64::from(image.width()) * f64::from(CELL) / f64::from(image.height())).round() as u32;
     let small = resize(image, width.max(1), CELL, FilterType::Lanczos3);
     let mut cell = RgbImage::from_pixel(small.width(), CELL + band(), grid::GROUND);
     imageops::replace(&mut cell, &small, 0, 0);
-    let left = small.width().saturating_sub(lettering::width(caption, SCALE)) / 2;
+    let left = small
+        .width()
+        .saturating_sub(lettering::width(caption, SCALE))
+        / 2;
     lettering::draw(&mut cell, (left, CELL + 2 * SCALE), caption, SCALE, INK);
     cell
 }

@@ -85,7 +85,9 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
         }
         sink.add(Frame {
             view,
-            pictures: (0..variants.len()).map(|look| rendered.image(look)).collect(),
+            pictures: (0..variants.len())
+                .map(|look| rendered.image(look))
+                .collect(),
             depth: &rendered.depth,
         })?;
         progress.tick();
@@ -93,10 +95,22 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     drop(progress);
     let outputs = sink.finish()?;
     let seconds = start.elapsed().as_secs_f64();
-    let paths: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    let kind = if synthetic { " of a synthetic scene" } else { "" };
+    let paths: Vec<String> = outputs
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    let kind = if synthetic {
+        " of a synthetic scene"
+    } else {
+        ""
+    };
     Ok(Answer {
-        text: format!("{} views{kind} in {}: {}", views.len(), clock(seconds), paths.join(", ")),
+        text: format!(
+            "{} views{kind} in {}: {}",
+            views.len(),
+            clock(seconds),
+            paths.join(", ")
+        ),
         json: json!({
             "outputs": paths,
             "views": views.len(),

@@ -97,8 +97,17 @@ fn names(args: &[StyleArg]) -> Vec<String> {
     let mut taken = HashSet::new();
     args.iter()
         .map(|style| {
-            let stem = style.path.file_stem().map_or("style".into(), |s| s.to_string_lossy());
-            let numbered = |n: usize| if n == 1 { stem.to_string() } else { format!("{stem}-{n}") };
+            let stem = style
+                .path
+                .file_stem()
+                .map_or("style".into(), |s| s.to_string_lossy());
+            let numbered = |n: usize| {
+                if n == 1 {
+                    stem.to_string()
+                } else {
+                    format!("{stem}-{n}")
+                }
+            };
             let mut n = 1;
             while !taken.insert(numbered(n)) {
                 n += 1;
@@ -118,13 +127,19 @@ mod tests {
 
     #[test]
     fn names_are_different() {
-        assert_eq!(names(&args(&["a/x.png", "b/x.jpg", "y.png"])), ["x", "x-2", "y"]);
+        assert_eq!(
+            names(&args(&["a/x.png", "b/x.jpg", "y.png"])),
+            ["x", "x-2", "y"]
+        );
     }
 
     #[test]
     fn weights_are_for_all_or_none() {
         for wrong in [["a.png:0.5", "b.png"], ["a.png:0", "b.png:0"]] {
-            assert!(matches!(Styles::read(&args(&wrong)), Err(CliError::Usage(_))), "{wrong:?}");
+            assert!(
+                matches!(Styles::read(&args(&wrong)), Err(CliError::Usage(_))),
+                "{wrong:?}"
+            );
         }
     }
 }

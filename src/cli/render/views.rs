@@ -77,7 +77,10 @@ pub fn views(
             })?
         }
     };
-    let view = |camera| View { camera, photo: None };
+    let view = |camera| View {
+        camera,
+        photo: None,
+    };
     Ok(cameras.into_iter().map(view).collect())
 }
 
@@ -97,7 +100,11 @@ fn photos(
     size: Option<(u32, u32)>,
     frames: Option<usize>,
 ) -> Vec<View> {
-    let photos: Vec<_> = scene.photos.iter().filter(|photo| photo.split == split).collect();
+    let photos: Vec<_> = scene
+        .photos
+        .iter()
+        .filter(|photo| photo.split == split)
+        .collect();
     let count = frames.unwrap_or(photos.len()).min(photos.len());
     (0..count)
         .map(|i| {
@@ -107,7 +114,10 @@ fn photos(
                 None => photo.camera.intrinsics,
             };
             View {
-                camera: Camera { intrinsics, ..photo.camera },
+                camera: Camera {
+                    intrinsics,
+                    ..photo.camera
+                },
                 photo: Some(photo.name.clone()),
             }
         })
@@ -144,7 +154,12 @@ mod tests {
         fl_y: 350.0,
         cx: 210.0,
         cy: 140.0,
-        distortion: Distortion { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0 },
+        distortion: Distortion {
+            k1: 0.0,
+            k2: 0.0,
+            p1: 0.0,
+            p2: 0.0,
+        },
     };
 
     #[test]
@@ -155,9 +170,15 @@ mod tests {
     #[test]
     fn another_shape_is_cut_from_the_middle() {
         let wide = cropped(&LENS, (400, 200));
-        assert_eq!((wide.fl_x, wide.fl_y, wide.cx, wide.cy), (350.0, 350.0, 210.0, 90.0));
+        assert_eq!(
+            (wide.fl_x, wide.fl_y, wide.cx, wide.cy),
+            (350.0, 350.0, 210.0, 90.0)
+        );
         let square = cropped(&LENS, (600, 600));
-        assert_eq!((square.fl_x, square.fl_y, square.cx, square.cy), (700.0, 700.0, 320.0, 280.0));
+        assert_eq!(
+            (square.fl_x, square.fl_y, square.cx, square.cy),
+            (700.0, 700.0, 320.0, 280.0)
+        );
     }
 
     #[test]
