@@ -31,10 +31,11 @@
 
 #![warn(missing_docs)]
 
+pub use impasto_eval as eval;
 pub use impasto_paintings as paintings;
 pub use impasto_scene as scene;
 pub use impasto_style::{StyleCode, StyleError};
 pub use impasto_train::{
     Budget, Event, Look, Model, ModelPhoto, ModelScene, RenderedView, Stage, Stages, TrainConfig,
-    TrainError, TrainOptions, TrainSummary, train,
+    TrainError, TrainOptions, TrainSummary, read_paintings, train,
 };

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use impasto::eval::EvalError;
 use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::paths::PathError;
@@ -33,6 +34,9 @@ pub enum CliError {
     /// A style image or the networks that look at it.
     #[error(transparent)]
     Style(#[from] StyleError),
+    /// An evaluation.
+    #[error(transparent)]
+    Eval(#[from] EvalError),
     /// A camera path fitted to the capture.
     #[error("the camera path cannot be made: {0}")]
     Path(#[from] PathError),

@@ -3,6 +3,7 @@
 mod console;
 mod demo;
 mod error;
+mod eval;
 mod info;
 mod progress;
 mod render;
@@ -33,6 +34,7 @@ enum Command {
     Demo(demo::DemoArgs),
     Train(train::TrainArgs),
     Render(render::RenderArgs),
+    Eval(eval::EvalArgs),
     Info(info::InfoArgs),
 }
 
@@ -55,6 +57,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(args),
         Command::Train(args) => train::run(args),
         Command::Render(args) => render::run(args),
+        Command::Eval(args) => eval::run(args),
         Command::Info(args) => info::run(args),
     };
     match answer {

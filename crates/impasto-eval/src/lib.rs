@@ -12,7 +12,7 @@
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use impasto_scene::Split;
-use impasto_style::{Perceptual, Statistics, StyleError, picture};
+use impasto_style::{Perceptual, StyleError, picture};
 use impasto_train::{Look, Model, STYLE_SIDE, whole};
 use serde::Serialize;
 
@@ -67,7 +67,10 @@ pub enum EvalError {
 ///
 /// # Errors
 /// If the model has no style stage, or there is nothing to compare.
-pub fn style_fidelity(model: &Model, paintings: &[(String, RgbImage)]) -> Result<StyleFidelity, EvalError> {
+pub fn style_fidelity(
+    model: &Model,
+    paintings: &[(String, RgbImage)],
+) -> Result<StyleFidelity, EvalError> {
     let vgg = Perceptual::vgg16()?;
     let mut looks = vec![model.photo_look()];
     let mut targets = Vec::with_capacity(paintings.len());
@@ -84,7 +87,10 @@ pub fn style_fidelity(model: &Model, paintings: &[(String, RgbImage)]) -> Result
     if views.is_empty() || paintings.is_empty() {
         return Err(EvalError::Nothing);
     }
-    let mut results: Vec<PaintingResult> = paintings.iter().map(|(name, _)| PaintingResult::new(name)).collect();
+    let mut results: Vec<PaintingResult> = paintings
+        .iter()
+        .map(|(name, _)| PaintingResult::new(name))
+        .collect();
     for photo in &views {
         let looks: Vec<&Look> = looks.iter().collect();
         let view = model.render(&photo.camera, &looks);
@@ -92,16 +98,26 @@ pub fn style_fidelity(model: &Model, paintings: &[(String, RgbImage)]) -> Result
         for (i, (result, target)) in results.iter_mut().zip(&targets).enumerate() {
             let painted = features(&vgg, &view.image(i + 1))?;
             let loss = painted.statistics.distance(target);
-            let nearest = targets.iter().all(|other| painted.statistics.distance(other) >= loss);
+            let nearest = targets
+                .iter()
+                .all(|other| painted.statistics.distance(other) >= loss);
             let content = painted.content.iter().zip(&plain.content);
             result.style_loss += f64::from(loss);
-            result.style_gain += 1.0 - f64::from(loss) / f64::from(plain.statistics.distance(target));
+            result.style_gain +=
+                1.0 - f64::from(loss) / f64::from(plain.statistics.distance(target));
             result.retrieved += f64::from(u8::from(nearest));
-            result.content_loss += content.map(|(a, b)| f64::from((a - b).powi(2))).sum::<f64>() / plain.content.len() as f64;
+            result.content_loss += content
+                .map(|(a, b)| f64::from((a - b).powi(2)))
+                .sum::<f64>()
+                / plain.content.len() as f64;
         }
     }
-    results.iter_mut().for_each(|r| r.divide(views.len() as f64));
-    let mean = |get: fn(&PaintingResult) -> f64| results.iter().map(get).sum::<f64>() / results.len() as f64;
+    results
+        .iter_mut()
+        .for_each(|r| r.divide(views.len() as f64));
+    let mean = |get: fn(&PaintingResult) -> f64| {
+        results.iter().map(get).sum::<f64>() / results.len() as f64
+    };
     Ok(StyleFidelity {
         style_loss: mean(|r| r.style_loss),
         style_gain: mean(|r| r.style_gain),
@@ -124,7 +140,12 @@ impl PaintingResult {
     }
 
     fn divide(&mut self, views: f64) {
-        for value in [&mut self.style_loss, &mut self.style_gain, &mut self.retrieved, &mut self.content_loss] {
+        for value in [
+            &mut self.style_loss,
+            &mut self.style_gain,
+            &mut self.retrieved,
+            &mut self.content_loss,
+        ] {
             *value /= views;
         }
     }
@@ -135,5 +156,9 @@ fn features(vgg: &Perceptual, image: &RgbImage) -> Result<impasto_style::Feature
     let scale = f64::from(STYLE_SIDE) / f64::from(width.min(height));
     let size = |side: u32| (f64::from(side) * scale).round() as u32;
     let image = resize(image, size(width), size(height), FilterType::Triangle);
-    vgg.features(&picture(&image), image.height() as usize, image.width() as usize)
+    vgg.features(
+        &picture(&image),
+        image.height() as usize,
+        image.width() as usize,
+    )
 }

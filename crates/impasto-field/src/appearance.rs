@@ -59,7 +59,12 @@ pub struct Appearance {
 
 impl Appearance {
     /// Random weights.
-    pub fn init(config: AppearanceConfig, features: [usize; 2], rng: &mut Pcg64, device: &Device) -> Self {
+    pub fn init(
+        config: AppearanceConfig,
+        features: [usize; 2],
+        rng: &mut Pcg64,
+        device: &Device,
+    ) -> Self {
         Self {
             inner: kaiming(&config.spec(features[0], 3), rng, device),
             outer: kaiming(&config.spec(features[1], 4), rng, device),
@@ -87,11 +92,19 @@ pub(crate) fn shade(
     let device = weights.device();
     let mut inputs = vec![features];
     if let Some(bands) = config.view_bands {
-        inputs.push(matrix(frequencies(views, 3, bands), 3 * (1 + 2 * bands), &device));
+        inputs.push(matrix(
+            frequencies(views, 3, bands),
+            3 * (1 + 2 * bands),
+            &device,
+        ));
     }
     if let (Some(encoding), Some(canvas)) = (&config.canvas, canvas) {
         inputs.push(encode(encoding, canvas, positions));
     }
-    let input = if inputs.len() == 1 { inputs.remove(0) } else { Tensor::cat(inputs, 1) };
+    let input = if inputs.len() == 1 {
+        inputs.remove(0)
+    } else {
+        Tensor::cat(inputs, 1)
+    };
     ops::mlp(input, weights.clone(), &spec)
 }

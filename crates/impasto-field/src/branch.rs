@@ -45,9 +45,16 @@ pub fn vector(data: Vec<f32>, device: &Device) -> Tensor<1> {
 }
 
 /// A hash table with entries uniform in ±1e-4, or a single unused number for other encodings.
-pub fn encoding_weights(config: &crate::EncodingConfig, rng: &mut Pcg64, device: &Device) -> Tensor<1> {
+pub fn encoding_weights(
+    config: &crate::EncodingConfig,
+    rng: &mut Pcg64,
+    device: &Device,
+) -> Tensor<1> {
     let length = config.hash_grid().map_or(1, |g| g.params());
-    vector((0..length).map(|_| rng.random_range(-1e-4..1e-4)).collect(), device)
+    vector(
+        (0..length).map(|_| rng.random_range(-1e-4..1e-4)).collect(),
+        device,
+    )
 }
 
 impl Branch {
@@ -94,10 +101,15 @@ impl Branch {
     /// # Shapes
     /// `n` positions; result: `[n, features]` and `[n]`, densities non-negative. Positions are not
     /// differentiated.
-    pub fn geometry(&self, weights: &BranchWeights, positions: &Positions<'_>) -> (Tensor<2>, Tensor<1>) {
+    pub fn geometry(
+        &self,
+        weights: &BranchWeights,
+        positions: &Positions<'_>,
+    ) -> (Tensor<2>, Tensor<1>) {
         let encoded = encode(&self.config.encoding, &weights.encoding, positions);
         let features = ops::mlp(encoded, weights.base.clone(), &self.base);
-        let raw: Tensor<1> = ops::mlp(features.clone(), weights.geo.clone(), &self.geo).squeeze_dim(1);
+        let raw: Tensor<1> =
+            ops::mlp(features.clone(), weights.geo.clone(), &self.geo).squeeze_dim(1);
         let density = match self.config.density {
             DensityActivation::Exp => raw.clamp(-15.0, 15.0).exp(),
             DensityActivation::Abs => raw.abs(),

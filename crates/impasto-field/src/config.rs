@@ -51,7 +51,9 @@ impl EncodingConfig {
     /// Width of an encoded position of `dimensions` coordinates.
     pub fn outputs(&self, dimensions: usize) -> usize {
         match self {
-            Self::HashGrid { levels, features, .. } => levels * features,
+            Self::HashGrid {
+                levels, features, ..
+            } => levels * features,
             Self::Frequency { bands } => dimensions * (1 + 2 * bands),
         }
     }

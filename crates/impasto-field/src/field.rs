@@ -78,7 +78,11 @@ impl Field {
                 .map(|cell| {
                     let cube = full.position(cell, [0.5; 3]);
                     let ball = cube.map(|c| 2.0 * c - 1.0);
-                    let point = if outer { from_outer_cube(cube) } else { Some([ball[0], ball[1], ball[2], 1.0]) };
+                    let point = if outer {
+                        from_outer_cube(cube)
+                    } else {
+                        Some([ball[0], ball[1], ball[2], 1.0])
+                    };
                     // Cells cut by a boundary have centres outside of it: kept.
                     point.is_none_or(&sees)
                 })
@@ -93,12 +97,31 @@ impl Field {
 
     /// Measures the density in `share` of all cells (of the candidates of each grid) and updates
     /// the flags.
-    pub fn update_grids(&self, grids: &mut Grids, weights: &FieldWeights, candidates: &Grids, share: f32, rng: &mut Pcg64) {
+    pub fn update_grids(
+        &self,
+        grids: &mut Grids,
+        weights: &FieldWeights,
+        candidates: &Grids,
+        share: f32,
+        rng: &mut Pcg64,
+    ) {
         let inner_step = self.config.sampling.inner_step;
         let outer_step = 1.0 / self.config.sampling.outer_steps as f32;
         let jobs = [
-            (&mut grids.inner, &candidates.inner, &self.inner, &weights.inner, inner_step),
-            (&mut grids.outer, &candidates.outer, &self.outer, &weights.outer, outer_step),
+            (
+                &mut grids.inner,
+                &candidates.inner,
+                &self.inner,
+                &weights.inner,
+                inner_step,
+            ),
+            (
+                &mut grids.outer,
+                &candidates.outer,
+                &self.outer,
+                &weights.outer,
+                outer_step,
+            ),
         ];
         for (grid, candidates, branch, weights, step) in jobs {
             let outer = branch.dimensions() == 4;
@@ -109,7 +132,9 @@ impl Field {
                 }
                 let position = grid.position(cell, std::array::from_fn(|_| rng.random()));
                 if outer {
-                    let Some(point) = from_outer_cube(position) else { continue };
+                    let Some(point) = from_outer_cube(position) else {
+                        continue;
+                    };
                     raw.extend(point);
                 } else {
                     raw.extend(position.map(|c| 2.0 * c - 1.0));

@@ -97,7 +97,12 @@ impl Field {
         for end in WAVES {
             let mut wave = vec![false; samples.len()];
             let mut any = false;
-            for (span, _) in layout.rays.iter().zip(&transmittance).filter(|(_, t)| **t >= least) {
+            for (span, _) in layout
+                .rays
+                .iter()
+                .zip(&transmittance)
+                .filter(|(_, t)| **t >= least)
+            {
                 for i in along(span, start, end) {
                     wave[i] = true;
                     any = true;
@@ -112,7 +117,12 @@ impl Field {
             for (i, d) in indices.zip(numbers) {
                 density[i] = d;
             }
-            for (span, t) in layout.rays.iter().zip(&mut transmittance).filter(|(_, t)| **t >= least) {
+            for (span, t) in layout
+                .rays
+                .iter()
+                .zip(&mut transmittance)
+                .filter(|(_, t)| **t >= least)
+            {
                 for i in along(span, start, end) {
                     light.lit[i] = *t >= least;
                     let passed = (-density[i] * layout.deltas[i]).exp();
@@ -128,7 +138,10 @@ impl Field {
     /// Densities of samples, inner first.
     fn densities(&self, weights: &FieldWeights, samples: &Samples) -> Vec<f32> {
         let mut all = Vec::with_capacity(samples.len());
-        let volumes = [(&self.inner, &weights.inner, &samples.inner), (&self.outer, &weights.outer, &samples.outer)];
+        let volumes = [
+            (&self.inner, &weights.inner, &samples.inner),
+            (&self.outer, &weights.outer, &samples.outer),
+        ];
         for (branch, weights, samples) in volumes {
             if !samples.is_empty() {
                 let positions = samples.positions(branch.dimensions());
@@ -161,7 +174,13 @@ impl Field {
     }
 
     /// The same with steps `coarseness` times as long, for a field that has not formed yet.
-    pub fn sample_coarsely(&self, rays: &RayBatch, grids: &Grids, seed: u64, coarseness: f32) -> Samples {
+    pub fn sample_coarsely(
+        &self,
+        rays: &RayBatch,
+        grids: &Grids,
+        seed: u64,
+        coarseness: f32,
+    ) -> Samples {
         let mut sampling = self.config.sampling.clone();
         sampling.inner_step *= coarseness;
         sampling.outer_steps = ((sampling.outer_steps as f32 / coarseness) as usize).max(1);
@@ -170,11 +189,15 @@ impl Field {
 
     /// Features and densities of samples.
     pub fn geometry(&self, weights: &FieldWeights, samples: Samples) -> Geometry {
-        let (outer, outer_density) = self.outer.geometry(&weights.outer, &samples.outer.positions(4));
+        let (outer, outer_density) = self
+            .outer
+            .geometry(&weights.outer, &samples.outer.positions(4));
         let (inner, density) = if samples.inner.is_empty() {
             (None, outer_density)
         } else {
-            let (features, density) = self.inner.geometry(&weights.inner, &samples.inner.positions(3));
+            let (features, density) = self
+                .inner
+                .geometry(&weights.inner, &samples.inner.positions(3));
             (Some(features), Tensor::cat(vec![density, outer_density], 0))
         };
         Geometry {
@@ -202,7 +225,13 @@ impl Geometry {
             };
             let canvas = canvas.map(|c| if outer { &c.outer } else { &c.inner });
             let inputs = (&samples.positions(dimensions), samples.views.as_slice());
-            shade(&appearance.config, weights, canvas, features.clone(), inputs)
+            shade(
+                &appearance.config,
+                weights,
+                canvas,
+                features.clone(),
+                inputs,
+            )
         };
         let outer = colour(&self.outer, true);
         let colours = match &self.inner {
@@ -215,7 +244,11 @@ impl Geometry {
 
 /// A ray's samples from the `start`th to before the `end`th, near to far.
 fn along(span: &RaySpan, start: usize, end: usize) -> impl Iterator<Item = usize> + use<> {
-    span.inner.clone().chain(span.outer.clone()).skip(start).take(end - start)
+    span.inner
+        .clone()
+        .chain(span.outer.clone())
+        .skip(start)
+        .take(end - start)
 }
 
 /// The composite needs the sample that everything infinitely far belongs to.

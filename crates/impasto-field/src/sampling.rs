@@ -79,7 +79,11 @@ impl VolumeSamples {
 
     fn kept(&self, dimensions: usize, indices: &[usize]) -> Self {
         let pick = |data: &[f32], width: usize| {
-            indices.iter().flat_map(|i| &data[i * width..(i + 1) * width]).copied().collect()
+            indices
+                .iter()
+                .flat_map(|i| &data[i * width..(i + 1) * width])
+                .copied()
+                .collect()
         };
         Self {
             raw: pick(&self.raw, dimensions),
@@ -115,12 +119,21 @@ impl Samples {
     pub fn pruned(&self, keep: &[bool]) -> Self {
         let split = self.inner.len();
         let inner: Vec<usize> = (0..split).filter(|i| keep[*i]).collect();
-        let outer: Vec<usize> = (split..keep.len()).filter(|i| keep[*i]).map(|i| i - split).collect();
+        let outer: Vec<usize> = (split..keep.len())
+            .filter(|i| keep[*i])
+            .map(|i| i - split)
+            .collect();
         let mut position = vec![0usize; keep.len() + 1];
         for (i, kept) in keep.iter().enumerate() {
             position[i + 1] = position[i] + usize::from(*kept);
         }
-        let pick = |data: &[f32]| data.iter().zip(keep).filter(|(_, k)| **k).map(|(d, _)| *d).collect();
+        let pick = |data: &[f32]| {
+            data.iter()
+                .zip(keep)
+                .filter(|(_, k)| **k)
+                .map(|(d, _)| *d)
+                .collect()
+        };
         let map = |r: &std::ops::Range<usize>| position[r.start]..position[r.end];
         Self {
             inner: self.inner.kept(3, &inner),
@@ -170,7 +183,14 @@ struct Part {
 }
 
 impl Part {
-    fn march(&mut self, origin: [f32; 3], direction: [f32; 3], config: &SamplingConfig, grids: &Grids, jitter: f32) {
+    fn march(
+        &mut self,
+        origin: [f32; 3],
+        direction: [f32; 3],
+        config: &SamplingConfig,
+        grids: &Grids,
+        jitter: f32,
+    ) {
         let length = dot(direction, direction).sqrt();
         let view = direction.map(|c| c / length);
         let before = [self.inner.len(), self.outer.len()];
@@ -205,7 +225,8 @@ impl Part {
                 self.outer_steps[2].push(contracted_distance(depth * length));
             }
         }
-        self.counts.push([self.inner.len() - before[0], self.outer.len() - before[1]]);
+        self.counts
+            .push([self.inner.len() - before[0], self.outer.len() - before[1]]);
     }
 }
 
@@ -213,14 +234,25 @@ impl Part {
 ///
 /// With a `seed`, sample positions are shifted by a random part of a step, one per ray; without,
 /// they lie in the middle of their steps.
-pub fn march(rays: &RayBatch, config: &SamplingConfig, grids: &Grids, seed: Option<u64>) -> Samples {
+pub fn march(
+    rays: &RayBatch,
+    config: &SamplingConfig,
+    grids: &Grids,
+    seed: Option<u64>,
+) -> Samples {
     let parts: Vec<Part> = (0..rays.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let mut part = Part::default();
             for ray in chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len()) {
                 let shift = seed.map_or(0.5, |seed| jitter(seed, ray));
-                part.march(rays.origins[ray], rays.directions[ray], config, grids, shift);
+                part.march(
+                    rays.origins[ray],
+                    rays.directions[ray],
+                    config,
+                    grids,
+                    shift,
+                );
             }
             part
         })
@@ -236,7 +268,10 @@ fn join(parts: Vec<Part>) -> Samples {
     for mut part in parts {
         samples.inner.append(&mut part.inner);
         samples.outer.append(&mut part.outer);
-        for (all, own) in steps.iter_mut().zip([&mut part.inner_steps, &mut part.outer_steps]) {
+        for (all, own) in steps
+            .iter_mut()
+            .zip([&mut part.inner_steps, &mut part.outer_steps])
+        {
             for (all, own) in all.iter_mut().zip(own) {
                 all.append(own);
             }
@@ -254,6 +289,10 @@ fn join(parts: Vec<Part>) -> Samples {
     for (inner, mut outer) in inner.iter_mut().zip(outer) {
         inner.append(&mut outer);
     }
-    [samples.layout.deltas, samples.layout.depths, samples.layout.distances] = inner;
+    [
+        samples.layout.deltas,
+        samples.layout.depths,
+        samples.layout.distances,
+    ] = inner;
     samples
 }

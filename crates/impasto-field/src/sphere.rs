@@ -28,7 +28,10 @@ pub fn outer_point(origin: [f32; 3], direction: [f32; 3], inverse_radius: f32) -
     let unit = direction.map(|c| c / length);
     let s = inverse_radius;
     let sb = s * dot(origin, unit);
-    let st = (sb * sb + 1.0 - s * s * dot(origin, origin)).max(0.0).sqrt() - sb;
+    let st = (sb * sb + 1.0 - s * s * dot(origin, origin))
+        .max(0.0)
+        .sqrt()
+        - sb;
     let point = [0, 1, 2].map(|axis| s * origin[axis] + st * unit[axis]);
     ([point[0], point[1], point[2], s], st / s.max(1e-9) / length)
 }
@@ -51,5 +54,12 @@ pub fn outer_cube(point: [f32; 4]) -> [f32; 3] {
 pub fn from_outer_cube(cube: [f32; 3]) -> Option<[f32; 4]> {
     let q = cube.map(|c| 2.0 * c - 1.0);
     let radius = dot(q, q).sqrt();
-    ((0.5..=1.0).contains(&radius)).then(|| [q[0] / radius, q[1] / radius, q[2] / radius, 2.0 * (1.0 - radius)])
+    ((0.5..=1.0).contains(&radius)).then(|| {
+        [
+            q[0] / radius,
+            q[1] / radius,
+            q[2] / radius,
+            2.0 * (1.0 - radius),
+        ]
+    })
 }

@@ -22,9 +22,20 @@ fn main() {
     files.sort();
     let mut images: Vec<_> = files
         .par_iter()
-        .filter_map(|p| Some(square_crop(&image::open(p).ok()?.to_rgb8(), 1.0, (0.5, 0.5), SIDE)))
+        .filter_map(|p| {
+            Some(square_crop(
+                &image::open(p).ok()?.to_rgb8(),
+                1.0,
+                (0.5, 0.5),
+                SIDE,
+            ))
+        })
         .collect();
-    images.par_extend((0..GENERATED).into_par_iter().map(|seed| paint(&Recipe::random(seed), SIDE, SIDE)));
+    images.par_extend(
+        (0..GENERATED)
+            .into_par_iter()
+            .map(|seed| paint(&Recipe::random(seed), SIDE, SIDE)),
+    );
     println!("{} pictures", images.len());
     let stacks = Perceptual::raw_prefixes().unwrap();
     let means: Vec<(&str, Vec<f32>)> = stacks
@@ -40,7 +51,11 @@ fn main() {
                     *m += v / images.len() as f32;
                 }
             }
-            println!("{name}: {:.1} on average, {} filters under 1", mean.iter().sum::<f32>() / channels as f32, mean.iter().filter(|m| **m < 1.0).count());
+            println!(
+                "{name}: {:.1} on average, {} filters under 1",
+                mean.iter().sum::<f32>() / channels as f32,
+                mean.iter().filter(|m| **m < 1.0).count()
+            );
             (*name, mean)
         })
         .collect();

@@ -19,9 +19,15 @@ const CROPS: usize = 6;
 const GENERATED: u64 = 500;
 
 fn paintings(dir: &str) -> Vec<RgbImage> {
-    let mut files: Vec<_> = std::fs::read_dir(Path::new(dir)).unwrap().map(|e| e.unwrap().path()).collect();
+    let mut files: Vec<_> = std::fs::read_dir(Path::new(dir))
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .collect();
     files.sort();
-    files.par_iter().filter_map(|p| Some(image::open(p).ok()?.to_rgb8())).collect()
+    files
+        .par_iter()
+        .filter_map(|p| Some(image::open(p).ok()?.to_rgb8()))
+        .collect()
 }
 
 fn main() {
@@ -43,7 +49,11 @@ fn main() {
             println!("step {step}: error {smooth:.4}");
         }
     });
-    println!("explained: {:.4} of training, {:.4} of held-out variance", vae.explained(&set[..200]), vae.explained(&heldout));
+    println!(
+        "explained: {:.4} of training, {:.4} of held-out variance",
+        vae.explained(&set[..200]),
+        vae.explained(&heldout)
+    );
     std::fs::write(&args[1], vae.to_bytes().unwrap()).unwrap();
 }
 
@@ -51,18 +61,34 @@ fn main() {
 fn statistics_sets(args: &[String]) -> (Vec<Statistics>, Vec<Statistics>) {
     let cache = std::env::temp_dir().join("impasto_style_statistics.bin");
     if let Ok(bytes) = std::fs::read(&cache) {
-        let floats: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        let mut set: Vec<Statistics> = floats.chunks_exact(Statistics::LEN).map(|c| Statistics(c.to_vec())).collect();
+        let floats: Vec<f32> = bytes
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|b| f32::from_le_bytes(*b))
+            .collect();
+        let mut set: Vec<Statistics> = floats
+            .chunks_exact(Statistics::LEN)
+            .map(|c| Statistics(c.to_vec()))
+            .collect();
         let heldout = set.split_off(set.len() - HELDOUT);
         return (set, heldout);
     }
     let vgg = Perceptual::vgg16().unwrap();
-    let statistics = |image: &RgbImage| vgg.features(&picture(image), SIDE as usize, SIDE as usize).unwrap().statistics;
+    let statistics = |image: &RgbImage| {
+        vgg.features(&picture(image), SIDE as usize, SIDE as usize)
+            .unwrap()
+            .statistics
+    };
     let mut rng = Pcg64::seed_from_u64(7);
     let mut set: Vec<Statistics> = Vec::new();
     for painting in paintings(&args[2]) {
         for crop in 0..CROPS {
-            let part = if crop == 0 { 1.0 } else { rng.random_range(0.45f32..1.0) };
+            let part = if crop == 0 {
+                1.0
+            } else {
+                rng.random_range(0.45f32..1.0)
+            };
             let mut image = square_crop(&painting, part, (rng.random(), rng.random()), SIDE);
             if crop % 2 == 1 {
                 image::imageops::flip_horizontal_in_place(&mut image);
@@ -71,10 +97,21 @@ fn statistics_sets(args: &[String]) -> (Vec<Statistics>, Vec<Statistics>) {
         }
     }
     println!("{} crops of paintings", set.len());
-    set.par_extend((0..GENERATED).into_par_iter().map(|seed| statistics(&paint(&Recipe::random(1_000_000 + seed), SIDE, SIDE))));
-    let heldout: Vec<Statistics> = paintings(&args[3]).iter().map(|p| statistics(&square_crop(p, 1.0, (0.5, 0.5), SIDE))).collect();
+    set.par_extend(
+        (0..GENERATED)
+            .into_par_iter()
+            .map(|seed| statistics(&paint(&Recipe::random(1_000_000 + seed), SIDE, SIDE))),
+    );
+    let heldout: Vec<Statistics> = paintings(&args[3])
+        .iter()
+        .map(|p| statistics(&square_crop(p, 1.0, (0.5, 0.5), SIDE)))
+        .collect();
     println!("{} vectors, {} held out", set.len(), heldout.len());
-    let numbers = set.iter().chain(&heldout).flat_map(|s| &s.0).flat_map(|v| v.to_le_bytes());
+    let numbers = set
+        .iter()
+        .chain(&heldout)
+        .flat_map(|s| &s.0)
+        .flat_map(|v| v.to_le_bytes());
     std::fs::write(cache, numbers.collect::<Vec<u8>>()).unwrap();
     (set, heldout)
 }

@@ -10,7 +10,9 @@ pub enum StyleError {
         reason: String,
     },
     /// An image is too small to have style.
-    #[error("an image of {width}×{height} pixels is too small, at least {least} pixels a side are needed")]
+    #[error(
+        "an image of {width}×{height} pixels is too small, at least {least} pixels a side are needed"
+    )]
     TooSmall {
         /// Its width.
         width: usize,

@@ -21,7 +21,8 @@ const LAST_SCALE: f32 = 0.1;
 impl Hypernetwork {
     /// Predicts the weights of `app` from codes of length `code` through two hidden layers.
     pub fn new(code: usize, hidden: usize, app: &MlpSpec) -> Self {
-        let layer = |outputs| MlpSpec::relu(&[code, hidden, hidden, outputs], false, Activation::Linear);
+        let layer =
+            |outputs| MlpSpec::relu(&[code, hidden, hidden, outputs], false, Activation::Linear);
         Self {
             layers: app.layers().iter().map(|l| layer(l.params())).collect(),
         }
@@ -39,7 +40,8 @@ impl Hypernetwork {
             let last = spec.layers().len() - 1;
             let mut flat = Vec::with_capacity(spec.params());
             for (i, layer) in spec.layers().iter().enumerate() {
-                let std = (2.0 / layer.inputs as f32).sqrt() * if i == last { LAST_SCALE } else { 1.0 };
+                let std =
+                    (2.0 / layer.inputs as f32).sqrt() * if i == last { LAST_SCALE } else { 1.0 };
                 flat.extend((0..layer.inputs * layer.outputs).map(|_| normal(rng) * std));
                 let bound = (layer.inputs as f32).sqrt().recip();
                 flat.extend((0..layer.outputs).map(|_| rng.random_range(-bound..bound)));

@@ -25,7 +25,8 @@ impl Patch {
     /// Row-major pixel indices in an image of the given width.
     pub fn pixels(&self, width: usize) -> impl Iterator<Item = usize> + '_ {
         (0..self.size[0]).flat_map(move |i| {
-            (0..self.size[1]).map(move |j| (self.top + i * self.down) * width + self.left + j * self.across)
+            (0..self.size[1])
+                .map(move |j| (self.top + i * self.down) * width + self.left + j * self.across)
         })
     }
 }

@@ -39,12 +39,23 @@ impl Statistics {
 
     /// Mean squared difference over all numbers: the style loss (PAPER §8, reference form).
     pub fn distance(&self, other: &Self) -> f32 {
-        self.0.iter().zip(&other.0).map(|(a, b)| (a - b) * (a - b)).sum::<f32>() / Self::LEN as f32
+        self.0
+            .iter()
+            .zip(&other.0)
+            .map(|(a, b)| (a - b) * (a - b))
+            .sum::<f32>()
+            / Self::LEN as f32
     }
 
     /// `self` and `other` mixed linearly, `share` of the latter.
     pub fn mixed(&self, other: &Self, share: f32) -> Self {
-        Self(self.0.iter().zip(&other.0).map(|(a, b)| a + (b - a) * share).collect())
+        Self(
+            self.0
+                .iter()
+                .zip(&other.0)
+                .map(|(a, b)| a + (b - a) * share)
+                .collect(),
+        )
     }
 }
 
@@ -81,13 +92,16 @@ impl Perceptual {
         Self::with_means(|_| Ok(Vec::new()))
     }
 
-    fn with_means(means: impl Fn(&str) -> Result<Vec<f32>, StyleError>) -> Result<Self, StyleError> {
+    fn with_means(
+        means: impl Fn(&str) -> Result<Vec<f32>, StyleError>,
+    ) -> Result<Self, StyleError> {
         let file = TensorFile::open("vgg16_conv1_1_to_conv4_1_f16.safetensors", VGG16)?;
         let mut inputs = vec![1.0f32; 3];
         let mut layers = Vec::with_capacity(LAYERS.len());
         for (name, pool_before, statistics) in LAYERS {
             let mut bias = file.floats(&format!("{name}.bias"))?;
-            let mut weight = file.floats_of(&format!("{name}.weight"), bias.len() * inputs.len() * 9)?;
+            let mut weight =
+                file.floats_of(&format!("{name}.weight"), bias.len() * inputs.len() * 9)?;
             let mut scale = means(name)?;
             scale.resize(bias.len(), 1.0);
             scale.iter_mut().for_each(|m| *m = m.max(LEAST_MEAN));
@@ -104,7 +118,9 @@ impl Perceptual {
             inputs = scale;
         }
         let stack = PerceptualStack::new(layers, 255.0, MEAN_COLOUR);
-        Ok(Self { stack: Arc::new(stack) })
+        Ok(Self {
+            stack: Arc::new(stack),
+        })
     }
 
     /// Names of all layers with the stack of the layers up to each, statistics of the last one
@@ -128,7 +144,10 @@ impl Perceptual {
                         Ok(ConvLayer::new(&weight, bias, *pool_before, i + 1 == count))
                     })
                     .collect::<Result<Vec<_>, StyleError>>()?;
-                Ok((LAYERS[count - 1].0, PerceptualStack::new(layers, 255.0, MEAN_COLOUR)))
+                Ok((
+                    LAYERS[count - 1].0,
+                    PerceptualStack::new(layers, 255.0, MEAN_COLOUR),
+                ))
             })
             .collect()
     }
@@ -142,14 +161,26 @@ impl Perceptual {
     ///
     /// # Errors
     /// If a side has fewer than 8 pixels.
-    pub fn features(&self, image: &[f32], height: usize, width: usize) -> Result<Features, StyleError> {
+    pub fn features(
+        &self,
+        image: &[f32],
+        height: usize,
+        width: usize,
+    ) -> Result<Features, StyleError> {
         let least = self.stack.smallest();
         if height.min(width) < least || image.len() != height * width * 3 {
-            return Err(StyleError::TooSmall { width, height, least });
+            return Err(StyleError::TooSmall {
+                width,
+                height,
+                least,
+            });
         }
         let mut content = self.stack.forward(image, height, width).0;
         let statistics = Statistics(content.split_off(self.content_len(height, width)));
-        Ok(Features { content, statistics })
+        Ok(Features {
+            content,
+            statistics,
+        })
     }
 
     /// The same in an autodiff graph: content feature, then statistics, as one vector.

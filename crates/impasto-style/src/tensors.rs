@@ -36,11 +36,28 @@ impl<'a> TensorFile<'a> {
     /// # Errors
     /// If it is absent or of another type.
     pub fn floats(&self, key: &str) -> Result<Vec<f32>, StyleError> {
-        let tensor = self.tensors.tensor(key).map_err(|_| self.fault(format!("has no tensor \"{key}\"")))?;
+        let tensor = self
+            .tensors
+            .tensor(key)
+            .map_err(|_| self.fault(format!("has no tensor \"{key}\"")))?;
         match tensor.dtype() {
-            Dtype::F32 => Ok(tensor.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()),
-            Dtype::F16 => Ok(tensor.data().as_chunks::<2>().0.iter().map(|b| f16::from_le_bytes(*b).to_f32()).collect()),
-            other => Err(self.fault(format!("stores \"{key}\" as {other:?}, f32 or f16 was expected"))),
+            Dtype::F32 => Ok(tensor
+                .data()
+                .as_chunks::<4>()
+                .0
+                .iter()
+                .map(|b| f32::from_le_bytes(*b))
+                .collect()),
+            Dtype::F16 => Ok(tensor
+                .data()
+                .as_chunks::<2>()
+                .0
+                .iter()
+                .map(|b| f16::from_le_bytes(*b).to_f32())
+                .collect()),
+            other => Err(self.fault(format!(
+                "stores \"{key}\" as {other:?}, f32 or f16 was expected"
+            ))),
         }
     }
 
@@ -53,7 +70,10 @@ impl<'a> TensorFile<'a> {
         if floats.len() == length {
             Ok(floats)
         } else {
-            Err(self.fault(format!("has {} numbers in \"{key}\", {length} were expected", floats.len())))
+            Err(self.fault(format!(
+                "has {} numbers in \"{key}\", {length} were expected",
+                floats.len()
+            )))
         }
     }
 }
@@ -69,11 +89,24 @@ pub fn write_f16(tensors: &[(&str, &[f32])]) -> Result<Vec<u8>, StyleError> {
     };
     let bytes: Vec<(&str, Vec<u8>, usize)> = tensors
         .iter()
-        .map(|(name, data)| (*name, data.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect(), data.len()))
+        .map(|(name, data)| {
+            (
+                *name,
+                data.iter()
+                    .flat_map(|v| f16::from_f32(*v).to_le_bytes())
+                    .collect(),
+                data.len(),
+            )
+        })
         .collect();
     let views = bytes
         .iter()
-        .map(|(name, bytes, length)| Ok((*name, TensorView::new(Dtype::F16, vec![*length], bytes).map_err(fault)?)))
+        .map(|(name, bytes, length)| {
+            Ok((
+                *name,
+                TensorView::new(Dtype::F16, vec![*length], bytes).map_err(fault)?,
+            ))
+        })
         .collect::<Result<Vec<_>, StyleError>>()?;
     serialize(views, None).map_err(fault)
 }

@@ -53,11 +53,19 @@ pub struct StyleVae {
 }
 
 fn encoder_spec() -> MlpSpec {
-    MlpSpec::relu(&[Statistics::LEN, WIDTH, WIDTH, 2 * StyleCode::LEN], false, Activation::Linear)
+    MlpSpec::relu(
+        &[Statistics::LEN, WIDTH, WIDTH, 2 * StyleCode::LEN],
+        false,
+        Activation::Linear,
+    )
 }
 
 fn decoder_spec() -> MlpSpec {
-    MlpSpec::relu(&[StyleCode::LEN, WIDTH, WIDTH, Statistics::LEN], false, Activation::Linear)
+    MlpSpec::relu(
+        &[StyleCode::LEN, WIDTH, WIDTH, Statistics::LEN],
+        false,
+        Activation::Linear,
+    )
 }
 
 impl StyleVae {
@@ -103,7 +111,11 @@ impl StyleVae {
 
     /// The code μ of a painting's statistics.
     pub fn encode(&self, statistics: &Statistics) -> StyleCode {
-        let mut code = cpu::mlp::forward(&encoder_spec(), &self.standardised(statistics), &self.encoder);
+        let mut code = cpu::mlp::forward(
+            &encoder_spec(),
+            &self.standardised(statistics),
+            &self.encoder,
+        );
         code.truncate(StyleCode::LEN);
         StyleCode(code)
     }
@@ -151,12 +163,23 @@ pub struct VaeTraining {
 }
 
 /// Trains on statistics vectors; `report` gets the step and the reconstruction error.
-pub fn train_vae(set: &[Statistics], training: &VaeTraining, device: &Device, mut report: impl FnMut(u64, f32)) -> StyleVae {
+pub fn train_vae(
+    set: &[Statistics],
+    training: &VaeTraining,
+    device: &Device,
+    mut report: impl FnMut(u64, f32),
+) -> StyleVae {
     let mut rng = Pcg64::seed_from_u64(training.seed);
     let n = set.len().max(1) as f32;
-    let mean: Vec<f32> = (0..Statistics::LEN).map(|i| set.iter().map(|s| s.0[i]).sum::<f32>() / n).collect();
+    let mean: Vec<f32> = (0..Statistics::LEN)
+        .map(|i| set.iter().map(|s| s.0[i]).sum::<f32>() / n)
+        .collect();
     let scale: Vec<f32> = (0..Statistics::LEN)
-        .map(|i| (set.iter().map(|s| (s.0[i] - mean[i]).powi(2)).sum::<f32>() / n).sqrt().max(1e-3))
+        .map(|i| {
+            (set.iter().map(|s| (s.0[i] - mean[i]).powi(2)).sum::<f32>() / n)
+                .sqrt()
+                .max(1e-3)
+        })
         .collect();
     let mut vae = StyleVae {
         mean,
@@ -170,18 +193,33 @@ pub fn train_vae(set: &[Statistics], training: &VaeTraining, device: &Device, mu
     let mut params = [encoder, decoder].map(|flat| AdamParam::new(tensor(flat, device)));
     for step in 0..training.steps {
         let progress = step as f32 / training.steps as f32;
-        let batch: Vec<f32> = (0..training.batch).flat_map(|_| vae.standardised(&pick(set, training.mixed, &mut rng))).collect();
-        let input = Tensor::<2>::from_data(TensorData::new(batch, [training.batch, Statistics::LEN]), device).autodiff();
-        let noise: Vec<f32> = (0..training.batch * StyleCode::LEN).map(|_| normal(&mut rng)).collect();
-        let noise = Tensor::<2>::from_data(TensorData::new(noise, [training.batch, StyleCode::LEN]), device).autodiff();
+        let batch: Vec<f32> = (0..training.batch)
+            .flat_map(|_| vae.standardised(&pick(set, training.mixed, &mut rng)))
+            .collect();
+        let input = Tensor::<2>::from_data(
+            TensorData::new(batch, [training.batch, Statistics::LEN]),
+            device,
+        )
+        .autodiff();
+        let noise: Vec<f32> = (0..training.batch * StyleCode::LEN)
+            .map(|_| normal(&mut rng))
+            .collect();
+        let noise = Tensor::<2>::from_data(
+            TensorData::new(noise, [training.batch, StyleCode::LEN]),
+            device,
+        )
+        .autodiff();
         let leaves = [params[0].tracked(), params[1].tracked()];
         let latent = ops::mlp(input.clone(), leaves[0].clone(), &encoder_spec());
         let mu = latent.clone().slice([0..training.batch, 0..StyleCode::LEN]);
-        let log_variance = latent.slice([0..training.batch, StyleCode::LEN..2 * StyleCode::LEN]).clamp(-10.0, 10.0);
+        let log_variance = latent
+            .slice([0..training.batch, StyleCode::LEN..2 * StyleCode::LEN])
+            .clamp(-10.0, 10.0);
         let code = mu.clone() + (log_variance.clone() * 0.5).exp() * noise;
         let rebuilt = ops::mlp(code, leaves[1].clone(), &decoder_spec());
         let error = (rebuilt - input).square().mean();
-        let divergence = (mu.square() + log_variance.clone().exp() - log_variance - 1.0).mean() * 0.5;
+        let divergence =
+            (mu.square() + log_variance.clone().exp() - log_variance - 1.0).mean() * 0.5;
         let loss = error.clone() * training.reconstruction + divergence * training.divergence;
         let mut gradients = loss.backward();
         let rate = training.rate * 0.01f32.powf(progress);
@@ -218,7 +256,9 @@ fn quieten(encoder: &mut [f32]) {
     let layer = encoder_spec().layers()[2];
     let start = encoder.len() - layer.params();
     let (weights, biases) = encoder[start..].split_at_mut(layer.inputs * layer.outputs);
-    weights[layer.inputs * StyleCode::LEN..].iter_mut().for_each(|w| *w *= QUIET);
+    weights[layer.inputs * StyleCode::LEN..]
+        .iter_mut()
+        .for_each(|w| *w *= QUIET);
     biases[StyleCode::LEN..].fill(FIRST_LOG_VARIANCE);
 }
 

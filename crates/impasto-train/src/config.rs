@@ -1,6 +1,8 @@
 //! Everything a run can be told, as data. A preset is a value of [`TrainConfig`].
 
-use impasto_field::{AppearanceConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig};
+use impasto_field::{
+    AppearanceConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig,
+};
 use serde::{Deserialize, Serialize};
 
 /// Geometry stage (PAPER §4).
@@ -146,7 +148,7 @@ impl TrainConfig {
                 virtual_share: 0.3,
                 generated: 200,
             },
-            geometry_share: 0.45,
+            geometry_share: 0.3,
         }
     }
 }

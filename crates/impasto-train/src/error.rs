@@ -34,7 +34,9 @@ pub enum TrainError {
         reason: String,
     },
     /// Photos are smaller than a patch.
-    #[error("photo {photo} is {width}×{height} pixels as trained, the style stage needs at least {least_width}×{least_height}: use a smaller --downscale")]
+    #[error(
+        "photo {photo} is {width}×{height} pixels as trained, the style stage needs at least {least_width}×{least_height}: use a smaller --downscale"
+    )]
     SmallPhotos {
         /// Name of the photo.
         photo: String,

@@ -6,8 +6,8 @@ use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
 use burn::tensor::{Device, Gradients, Tensor};
 use glam::{DVec3, DVec4, Vec4Swizzles};
 use impasto_field::{
-    Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, contracted_distance, encoding::matrix,
-    render::host,
+    Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, contracted_distance,
+    encoding::matrix, render::host,
 };
 use impasto_kernels::ops::AdamParam;
 use impasto_scene::{Camera, Scene, Split};
@@ -77,7 +77,13 @@ impl Params {
     }
 }
 
-fn apply(param: &mut AdamParam, leaf: &Tensor<1>, gradients: &mut Gradients, rate: f32, sparse: bool) {
+fn apply(
+    param: &mut AdamParam,
+    leaf: &Tensor<1>,
+    gradients: &mut Gradients,
+    rate: f32,
+    sparse: bool,
+) {
     if let Some(grad) = leaf.grad_remove(gradients) {
         param.step(grad, rate, sparse);
     }
@@ -119,7 +125,11 @@ impl GeometryStage {
             outer: self.params.app[1].value(),
             ..self.app.clone()
         };
-        (self.params.weights(AdamParam::value), self.grids.clone(), app)
+        (
+            self.params.weights(AdamParam::value),
+            self.grids.clone(),
+            app,
+        )
     }
 
     /// One optimiser step.
@@ -131,18 +141,37 @@ impl GeometryStage {
                 step => GRID_SHARES[usize::from(step > GRID_FORMED)],
             };
             let weights = self.params.weights(AdamParam::value);
-            self.field.update_grids(&mut self.grids, &weights, &self.candidates, share, &mut self.rng);
+            self.field.update_grids(
+                &mut self.grids,
+                &weights,
+                &self.candidates,
+                share,
+                &mut self.rng,
+            );
         }
         let [fewest, most] = self.config.rays;
-        let rays = ((self.config.samples as f32 / self.samples_per_ray) as usize).clamp(fewest, most);
-        let known = if self.surfaces.is_empty() { 0 } else { (rays as f32 * self.config.surface_share) as usize };
-        let targets = draw(&self.photos, &self.surfaces, (rays - known, known), &mut self.rng);
+        let rays =
+            ((self.config.samples as f32 / self.samples_per_ray) as usize).clamp(fewest, most);
+        let known = if self.surfaces.is_empty() {
+            0
+        } else {
+            (rays as f32 * self.config.surface_share) as usize
+        };
+        let targets = draw(
+            &self.photos,
+            &self.surfaces,
+            (rays - known, known),
+            &mut self.rng,
+        );
         let seed = self.rng.random();
         let mut samples = match self.step < GRID_FORMED {
-            true => self.field.sample_coarsely(&targets.rays, &self.grids, seed, COARSENESS),
+            true => self
+                .field
+                .sample_coarsely(&targets.rays, &self.grids, seed, COARSENESS),
             false => self.field.sample(&targets.rays, &self.grids, Some(seed)),
         };
-        self.samples_per_ray = 0.9 * self.samples_per_ray + 0.1 * samples.len() as f32 / rays as f32;
+        self.samples_per_ray =
+            0.9 * self.samples_per_ray + 0.1 * samples.len() as f32 / rays as f32;
         if self.step >= GRID_WARMUP {
             let weights = self.params.weights(AdamParam::value);
             samples = self.field.reached(&weights, &samples, LIT);
@@ -164,19 +193,40 @@ impl GeometryStage {
         let rays = targets.rays.len();
         let out = self.field.geometry(&weights, samples).composite(&app);
         let target = matrix(targets.colours.clone(), 3, &out.device());
-        let error = (out.clone().slice([0..rays, 0..3]) - target).square().mean();
+        let error = (out.clone().slice([0..rays, 0..3]) - target)
+            .square()
+            .mean();
         let column = |i: usize| out.clone().slice([0..rays, i..i + 1]);
-        let known = targets.distances.iter().filter(|d| d.is_some()).count().max(1);
+        let known = targets
+            .distances
+            .iter()
+            .filter(|d| d.is_some())
+            .count()
+            .max(1);
         // Too early, the distortion measure freezes whatever haze there is.
         let distortion = self.config.distortion * (progress * 10.0).min(1.0);
         let surface = self.config.surface * (1.0 - progress).powi(2) * rays as f32 / known as f32;
         let loss = error.clone() + column(5).mean() * distortion + column(4).mean() * surface;
         let mut gradients = loss.backward();
-        let (grid_rate, network_rate) = (self.config.grid_rate * fade, self.config.network_rate * fade);
-        for (params, leaves) in self.params.branches.iter_mut().zip([&weights.inner, &weights.outer]) {
+        let (grid_rate, network_rate) = (
+            self.config.grid_rate * fade,
+            self.config.network_rate * fade,
+        );
+        for (params, leaves) in self
+            .params
+            .branches
+            .iter_mut()
+            .zip([&weights.inner, &weights.outer])
+        {
             let leaves = [&leaves.encoding, &leaves.base, &leaves.geo];
             for (i, (param, leaf)) in params.iter_mut().zip(leaves).enumerate() {
-                apply(param, leaf, &mut gradients, if i == 0 { grid_rate } else { network_rate }, i == 0);
+                apply(
+                    param,
+                    leaf,
+                    &mut gradients,
+                    if i == 0 { grid_rate } else { network_rate },
+                    i == 0,
+                );
             }
         }
         for (param, leaf) in self.params.app.iter_mut().zip([&app.inner, &app.outer]) {
@@ -226,9 +276,15 @@ fn known_surfaces(scene: &Scene) -> Vec<KnownSurface> {
         index[i] = Some(position);
     }
     let mut surfaces = Vec::new();
-    for point in scene.points.iter().filter(|p| p.seen_by.len() >= 3 && p.error < 2.0) {
+    for point in scene
+        .points
+        .iter()
+        .filter(|p| p.seen_by.len() >= 3 && p.error < 2.0)
+    {
         for seen in &point.seen_by {
-            let Some(photo) = index[seen.photo] else { continue };
+            let Some(photo) = index[seen.photo] else {
+                continue;
+            };
             let camera = &scene.photos[seen.photo].camera;
             let k = &camera.intrinsics;
             let (x, y) = (seen.pixel.x.floor(), seen.pixel.y.floor());

@@ -17,7 +17,10 @@ pub(crate) struct Log<'a> {
 
 impl<'a> Log<'a> {
     /// Makes the model folder and starts its log.
-    pub(crate) fn create(output: &Path, sink: &'a mut dyn FnMut(&Event)) -> Result<Self, TrainError> {
+    pub(crate) fn create(
+        output: &Path,
+        sink: &'a mut dyn FnMut(&Event),
+    ) -> Result<Self, TrainError> {
         let failed = |path: &Path, e: std::io::Error| TrainError::Write {
             path: path.to_owned(),
             reason: e.to_string(),
@@ -25,7 +28,11 @@ impl<'a> Log<'a> {
         let previews = output.join("previews");
         std::fs::create_dir_all(&previews).map_err(|e| failed(&previews, e))?;
         let path = output.join("log.jsonl");
-        let file = File::options().create(true).append(true).open(&path).map_err(|e| failed(&path, e))?;
+        let file = File::options()
+            .create(true)
+            .append(true)
+            .open(&path)
+            .map_err(|e| failed(&path, e))?;
         Ok(Self {
             file,
             start: Instant::now(),
@@ -37,7 +44,9 @@ impl<'a> Log<'a> {
     /// Writes and passes on one event.
     pub(crate) fn event(&mut self, event: &Event) {
         (self.sink)(event);
-        let Ok(mut value) = serde_json::to_value(event) else { return };
+        let Ok(mut value) = serde_json::to_value(event) else {
+            return;
+        };
         value["seconds_since_start"] = self.start.elapsed().as_secs_f64().into();
         if writeln!(self.file, "{value}").is_err() && !self.failed {
             // A log that cannot be written must not end hours of training; it is said once.

@@ -89,7 +89,11 @@ impl Model {
     /// runs once, here.
     pub fn look(&self, code: &StyleCode) -> Option<Look> {
         let style = self.file.style.as_ref()?;
-        Some(Look(style.appearance(&self.file.config, code, &self.device)))
+        Some(Look(style.appearance(
+            &self.file.config,
+            code,
+            &self.device,
+        )))
     }
 
     /// The photo's own look.
@@ -102,7 +106,13 @@ impl Model {
         let rays = CameraRays::new(camera, None);
         let (width, height) = rays.size();
         let appearances: Vec<&Appearance> = looks.iter().map(|look| &look.0).collect();
-        let rendered = render_rays(&self.field, &self.file.weights, &self.file.grids, &appearances, &rays.all());
+        let rendered = render_rays(
+            &self.field,
+            &self.file.weights,
+            &self.file.grids,
+            &appearances,
+            &rays.all(),
+        );
         RenderedView {
             width,
             height,

@@ -119,7 +119,10 @@ const VOLUMES: [&str; 2] = ["inner", "outer"];
 
 impl ModelFile {
     fn entries(&self) -> Vec<Entry> {
-        let mut entries = vec![flags("inner.grid", &self.grids.inner), flags("outer.grid", &self.grids.outer)];
+        let mut entries = vec![
+            flags("inner.grid", &self.grids.inner),
+            flags("outer.grid", &self.grids.outer),
+        ];
         let branches = [&self.weights.inner, &self.weights.outer];
         let apps = [&self.photo_app.inner, &self.photo_app.outer];
         for (volume, (w, app)) in VOLUMES.iter().zip(branches.into_iter().zip(apps)) {
@@ -131,7 +134,8 @@ impl ModelFile {
         if let Some(style) = &self.style {
             for (volume, weights) in VOLUMES.iter().zip(&style.weights) {
                 let layers = weights.0.iter().enumerate();
-                entries.extend(layers.map(|(i, w)| floats(format!("{volume}.hypernetwork.{i}"), w)));
+                entries
+                    .extend(layers.map(|(i, w)| floats(format!("{volume}.hypernetwork.{i}"), w)));
             }
             if let Some(canvas) = &style.canvas {
                 entries.push(floats("inner.canvas", &canvas.inner));
@@ -162,10 +166,16 @@ impl ModelFile {
         let entries = self.entries();
         let views = entries
             .iter()
-            .map(|e| Ok((e.name.as_str(), TensorView::new(e.dtype, vec![e.length], &e.bytes)?)))
+            .map(|e| {
+                Ok((
+                    e.name.as_str(),
+                    TensorView::new(e.dtype, vec![e.length], &e.bytes)?,
+                ))
+            })
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
             .map_err(|e| failed(e.to_string()))?;
-        let bytes = safetensors::serialize(views, Some(HashMap::from([(KEY.to_owned(), json)]))).map_err(|e| failed(e.to_string()))?;
+        let bytes = safetensors::serialize(views, Some(HashMap::from([(KEY.to_owned(), json)])))
+            .map_err(|e| failed(e.to_string()))?;
         write_whole(&path, &bytes)?;
         Ok(path)
     }
@@ -175,26 +185,41 @@ impl ModelFile {
     /// # Errors
     /// If there is none, or it is damaged or of another version.
     pub fn load(path: &Path, device: &Device) -> Result<Self, TrainError> {
-        let path = if path.is_dir() { path.join(MODEL_FILE) } else { path.to_owned() };
+        let path = if path.is_dir() {
+            path.join(MODEL_FILE)
+        } else {
+            path.to_owned()
+        };
         let failed = |reason: String| TrainError::Model {
             path: path.clone(),
             reason,
         };
         let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => failed("there is no model here; `impasto train` makes one".into()),
+            std::io::ErrorKind::NotFound => {
+                failed("there is no model here; `impasto train` makes one".into())
+            }
             _ => failed(format!("cannot be read ({e})")),
         })?;
-        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| failed(format!("is not a whole safetensors file ({e})")))?;
+        let (_, metadata) = SafeTensors::read_metadata(&bytes)
+            .map_err(|e| failed(format!("is not a whole safetensors file ({e})")))?;
         let json = metadata
             .metadata()
             .as_ref()
             .and_then(|m| m.get(KEY))
             .ok_or_else(|| failed("is a safetensors file, but not of Impasto".into()))?;
-        let header: Header = serde_json::from_str(json).map_err(|e| failed(format!("has a header of another version ({e}); train it again")))?;
+        let header: Header = serde_json::from_str(json).map_err(|e| {
+            failed(format!(
+                "has a header of another version ({e}); train it again"
+            ))
+        })?;
         if header.version != VERSION {
-            return Err(failed(format!("is of version {}, this program reads {VERSION}; train it again", header.version)));
+            return Err(failed(format!(
+                "is of version {}, this program reads {VERSION}; train it again",
+                header.version
+            )));
         }
-        let tensors = SafeTensors::deserialize(&bytes).map_err(|e| failed(format!("is damaged ({e})")))?;
+        let tensors =
+            SafeTensors::deserialize(&bytes).map_err(|e| failed(format!("is damaged ({e})")))?;
         let reader = Reader {
             tensors: &tensors,
             device,
@@ -228,17 +253,30 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn floats(&self, name: &str, length: usize) -> Result<Tensor<1>, String> {
-        let tensor = self.tensors.tensor(name).map_err(|_| format!("lacks the tensor \"{name}\""))?;
+        let tensor = self
+            .tensors
+            .tensor(name)
+            .map_err(|_| format!("lacks the tensor \"{name}\""))?;
         let (numbers, rest) = tensor.data().as_chunks::<4>();
         if tensor.dtype() != Dtype::F32 || numbers.len() != length || !rest.is_empty() {
-            return Err(format!("holds \"{name}\" with {} numbers, {length} were expected", numbers.len()));
+            return Err(format!(
+                "holds \"{name}\" with {} numbers, {length} were expected",
+                numbers.len()
+            ));
         }
-        Ok(vector(numbers.iter().map(|b| f32::from_le_bytes(*b)).collect(), self.device))
+        Ok(vector(
+            numbers.iter().map(|b| f32::from_le_bytes(*b)).collect(),
+            self.device,
+        ))
     }
 
     fn grid(&self, name: &str) -> Result<OccupancyGrid, String> {
-        let tensor = self.tensors.tensor(name).map_err(|_| format!("lacks the tensor \"{name}\""))?;
-        OccupancyGrid::from_flags(tensor.data().iter().map(|b| *b != 0).collect()).ok_or_else(|| format!("holds \"{name}\", which is no cube"))
+        let tensor = self
+            .tensors
+            .tensor(name)
+            .map_err(|_| format!("lacks the tensor \"{name}\""))?;
+        OccupancyGrid::from_flags(tensor.data().iter().map(|b| *b != 0).collect())
+            .ok_or_else(|| format!("holds \"{name}\", which is no cube"))
     }
 
     fn model(&self, header: Header) -> Result<ModelFile, String> {
@@ -252,7 +290,12 @@ impl Reader<'_> {
                 geo: self.floats(&format!("{volume}.geo"), lengths[2])?,
             })
         };
-        let photo_app = |i: usize| self.floats(&format!("{}.photo_app", VOLUMES[i]), config.photo_app.spec(features[i], 3 + i).params());
+        let photo_app = |i: usize| {
+            self.floats(
+                &format!("{}.photo_app", VOLUMES[i]),
+                config.photo_app.spec(features[i], 3 + i).params(),
+            )
+        };
         Ok(ModelFile {
             weights: FieldWeights {
                 inner: branch("inner", field.inner.lengths())?,
@@ -283,10 +326,17 @@ impl Reader<'_> {
         let hyper = hypernetworks(field, config);
         let weights = |i: usize| -> Result<HypernetworkWeights, String> {
             let lengths = hyper[i].lengths().into_iter().enumerate();
-            let layers = lengths.map(|(l, length)| self.floats(&format!("{}.hypernetwork.{l}", VOLUMES[i]), length));
+            let layers = lengths.map(|(l, length)| {
+                self.floats(&format!("{}.hypernetwork.{l}", VOLUMES[i]), length)
+            });
             Ok(HypernetworkWeights(layers.collect::<Result<_, _>>()?))
         };
-        let canvas = match config.style_app.canvas.as_ref().and_then(impasto_field::EncodingConfig::hash_grid) {
+        let canvas = match config
+            .style_app
+            .canvas
+            .as_ref()
+            .and_then(impasto_field::EncodingConfig::hash_grid)
+        {
             Some(spec) => Some(Canvas {
                 inner: self.floats("inner.canvas", spec.params())?,
                 outer: self.floats("outer.canvas", spec.params())?,

@@ -86,12 +86,20 @@ pub fn photo_rays<'a>(photos: impl Iterator<Item = &'a Photo>) -> Vec<PhotoRays>
     let mut all: Vec<PhotoRays> = Vec::new();
     let mut first: Option<Camera> = None;
     for photo in photos {
-        let like = first.as_ref().zip(all.first()).map(|(camera, photo)| (camera, &photo.rays));
+        let like = first
+            .as_ref()
+            .zip(all.first())
+            .map(|(camera, photo)| (camera, &photo.rays));
         let rays = CameraRays::new(&photo.camera, like);
         first.get_or_insert(photo.camera);
         all.push(PhotoRays {
             rays,
-            pixels: photo.pixels.as_raw().iter().map(|v| f32::from(*v) / 255.0).collect(),
+            pixels: photo
+                .pixels
+                .as_raw()
+                .iter()
+                .map(|v| f32::from(*v) / 255.0)
+                .collect(),
         });
     }
     all
@@ -129,12 +137,21 @@ pub struct KnownSurface {
 }
 
 /// Draws `count` uniform pixels of all photos, and `known` rays to known surfaces.
-pub fn draw(photos: &[PhotoRays], surfaces: &[KnownSurface], (count, known): (usize, usize), rng: &mut Pcg64) -> Targets {
+pub fn draw(
+    photos: &[PhotoRays],
+    surfaces: &[KnownSurface],
+    (count, known): (usize, usize),
+    rng: &mut Pcg64,
+) -> Targets {
     let mut targets = Targets::default();
     if !surfaces.is_empty() {
         for _ in 0..known {
             let surface = surfaces[rng.random_range(0..surfaces.len())];
-            targets.push(&photos[surface.photo], surface.pixel, Some(surface.distance));
+            targets.push(
+                &photos[surface.photo],
+                surface.pixel,
+                Some(surface.distance),
+            );
         }
     }
     for _ in 0..count {

@@ -8,7 +8,9 @@ use crate::styles::Style;
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_field::{Appearance, Canvas, Field, FieldWeights, Geometry, Grids, RayBatch};
 use impasto_kernels::ops::AdamParam;
-use impasto_style::{Features, Hypernetwork, Patch, PatchSampler, Perceptual, StyleCode, StyleError, losses};
+use impasto_style::{
+    Features, Hypernetwork, Patch, PatchSampler, Perceptual, StyleCode, StyleError, losses,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -34,7 +36,12 @@ pub fn hypernetworks(field: &Field, config: &TrainConfig) -> [Hypernetwork; 2] {
 
 impl StyleModel {
     /// The appearance that belongs to a style code.
-    pub fn appearance(&self, config: &TrainConfig, code: &StyleCode, device: &Device) -> Appearance {
+    pub fn appearance(
+        &self,
+        config: &TrainConfig,
+        code: &StyleCode,
+        device: &Device,
+    ) -> Appearance {
         let code = code.tensor(device);
         Appearance {
             config: config.style_app.clone(),
@@ -91,11 +98,21 @@ impl StyleStage {
     ) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed ^ 0x57_79_6c_65);
         let hyper = hypernetworks(&field, config);
-        let hyper_params = [0, 1].map(|i| hyper[i].init(&mut rng, device).0.into_iter().map(AdamParam::new).collect());
-        let canvas = Appearance::init(config.style_app.clone(), field.features(), &mut rng, device).canvas;
+        let hyper_params = [0, 1].map(|i| {
+            hyper[i]
+                .init(&mut rng, device)
+                .0
+                .into_iter()
+                .map(AdamParam::new)
+                .collect()
+        });
+        let canvas =
+            Appearance::init(config.style_app.clone(), field.features(), &mut rng, device).canvas;
         Self {
             canvas: canvas.map(|c| [AdamParam::new(c.inner), AdamParam::new(c.outer)]),
-            sampler: PatchSampler { size: config.style.patch },
+            sampler: PatchSampler {
+                size: config.style.patch,
+            },
             config: config.clone(),
             field,
             frozen,
@@ -116,10 +133,14 @@ impl StyleStage {
     }
 
     fn model(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> StyleModel {
-        let weights = |p: &Vec<AdamParam>| impasto_style::HypernetworkWeights(p.iter().map(&leaf).collect());
+        let weights =
+            |p: &Vec<AdamParam>| impasto_style::HypernetworkWeights(p.iter().map(&leaf).collect());
         StyleModel {
             hyper: self.hyper.clone(),
-            weights: [weights(&self.hyper_params[0]), weights(&self.hyper_params[1])],
+            weights: [
+                weights(&self.hyper_params[0]),
+                weights(&self.hyper_params[1]),
+            ],
             canvas: self.canvas.as_ref().map(|[inner, outer]| Canvas {
                 inner: leaf(inner),
                 outer: leaf(outer),
@@ -144,7 +165,9 @@ impl StyleStage {
         }
         let (weights, grids) = &self.frozen;
         let samples = self.field.sample(&rays, grids, Some(self.rng.random()));
-        let samples = self.field.contributing(weights, &samples, settings.least_weight);
+        let samples = self
+            .field
+            .contributing(weights, &samples, settings.least_weight);
         let geometry = self.field.geometry(weights, samples).lifted();
         let content = self.vgg.features(&pixels, patch.size[0], patch.size[1])?;
         let mut report = StyleReport {
@@ -203,12 +226,19 @@ impl StyleStage {
         let model = self.model(AdamParam::tracked);
         let tracked = self.device.clone().autodiff();
         let appearance = model.appearance(&self.config, &style.code, &tracked);
-        let colours = geometry.composite(&appearance).slice([0..height * width, 0..3]);
+        let colours = geometry
+            .composite(&appearance)
+            .slice([0..height * width, 0..3]);
         let traced = self.vgg.traced(colours.clone().reshape([height, width, 3]));
-        let (content_loss, style_loss) = losses::content_and_style(&traced, content, &style.statistics);
-        let mut loss = content_loss.clone() * settings.content_weight + style_loss.clone() * settings.style_weight;
+        let (content_loss, style_loss) =
+            losses::content_and_style(&traced, content, &style.statistics);
+        let mut loss = content_loss.clone() * settings.content_weight
+            + style_loss.clone() * settings.style_weight;
         if settings.photo_weight > 0.0 {
-            let photo = Tensor::from_data(TensorData::new(pixels.to_vec(), [height * width, 3]), &tracked);
+            let photo = Tensor::from_data(
+                TensorData::new(pixels.to_vec(), [height * width, 3]),
+                &tracked,
+            );
             loss = loss + (colours - photo).square().mean() * settings.photo_weight;
         }
         let mut gradients = loss.backward();

@@ -2,7 +2,9 @@
 
 use image::RgbImage;
 use impasto_paintings::{Recipe, paint};
-use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, StyleVae, picture, square_crop};
+use impasto_style::{
+    Perceptual, Statistics, StyleCode, StyleError, StyleVae, picture, square_crop,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -30,8 +32,8 @@ pub struct Style {
 /// What a folder of paintings turned into.
 #[derive(Debug, Clone, Default)]
 pub struct Paintings {
-    /// Readable pictures, in name order.
-    pub images: Vec<RgbImage>,
+    /// Readable pictures with their file names, in name order.
+    pub named: Vec<(String, RgbImage)>,
     /// Files that could not be read, with the reason.
     pub unreadable: Vec<(PathBuf, String)>,
 }
@@ -41,17 +43,30 @@ pub struct Paintings {
 /// # Errors
 /// If the folder cannot be listed.
 pub fn read_paintings(dir: &Path) -> std::io::Result<Paintings> {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(dir)?.filter_map(|e| Some(e.ok()?.path())).filter(|p| p.is_file()).collect();
+    let mut files: Vec<PathBuf> = std::fs::read_dir(dir)?
+        .filter_map(|e| Some(e.ok()?.path()))
+        .filter(|p| p.is_file())
+        .collect();
     files.sort();
-    let read: Vec<_> = files.into_par_iter().map(|path| (impasto_scene::read_rgb(&path), path)).collect();
+    let read: Vec<_> = files
+        .into_par_iter()
+        .map(|path| (impasto_scene::read_rgb(&path), path))
+        .collect();
     let mut paintings = Paintings::default();
     for (image, path) in read {
         match image {
-            Ok(image) => paintings.images.push(image),
+            Ok(image) => paintings.named.push((file_name(&path), image)),
             Err(error) => paintings.unreadable.push((path, error.to_string())),
         }
     }
     Ok(paintings)
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
 }
 
 /// The crop that stands for a painting whenever it is not training: its middle square.
@@ -76,7 +91,7 @@ fn statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleEr
 /// If the network refuses a picture.
 pub fn style_set(
     (vgg, vae): (&Perceptual, &StyleVae),
-    paintings: &[RgbImage],
+    paintings: &[(String, RgbImage)],
     generated: usize,
     seed: u64,
     deadline: Option<Instant>,
@@ -92,12 +107,20 @@ pub fn style_set(
         let code = vae.encode(&statistics);
         Ok(Style { statistics, code })
     };
-    let mut styles = whole.par_iter().map(style).collect::<Result<Vec<_>, StyleError>>()?;
+    let mut styles = whole
+        .par_iter()
+        .map(style)
+        .collect::<Result<Vec<_>, StyleError>>()?;
     for chunk in rest.chunks(BATCH) {
         if deadline.is_some_and(|d| Instant::now() >= d) && styles.len() >= BATCH {
             break;
         }
-        styles.extend(chunk.par_iter().map(style).collect::<Result<Vec<_>, StyleError>>()?);
+        styles.extend(
+            chunk
+                .par_iter()
+                .map(style)
+                .collect::<Result<Vec<_>, StyleError>>()?,
+        );
     }
     Ok(styles)
 }
@@ -113,14 +136,23 @@ enum Job {
 }
 
 impl Job {
-    fn square(self, paintings: &[RgbImage], seed: u64) -> RgbImage {
+    fn square(self, paintings: &[(String, RgbImage)], seed: u64) -> RgbImage {
         match self {
-            Self::Generated(i) => paint(&Recipe::random(FIRST_GENERATED + i), STYLE_SIDE, STYLE_SIDE),
-            Self::Crop { painting, crop: 0 } => square_crop(&paintings[painting], 1.0, (0.5, 0.5), STYLE_SIDE),
+            Self::Generated(i) => {
+                paint(&Recipe::random(FIRST_GENERATED + i), STYLE_SIDE, STYLE_SIDE)
+            }
+            Self::Crop { painting, crop: 0 } => {
+                square_crop(&paintings[painting].1, 1.0, (0.5, 0.5), STYLE_SIDE)
+            }
             Self::Crop { painting, crop } => {
                 let mut rng = Pcg64::seed_from_u64(seed ^ ((painting as u64) << 8 | crop));
                 let part = rng.random_range(LEAST_CROP..1.0);
-                let mut square = square_crop(&paintings[painting], part, (rng.random(), rng.random()), STYLE_SIDE);
+                let mut square = square_crop(
+                    &paintings[painting].1,
+                    part,
+                    (rng.random(), rng.random()),
+                    STYLE_SIDE,
+                );
                 if rng.random() {
                     image::imageops::flip_horizontal_in_place(&mut square);
                 }
@@ -133,5 +165,8 @@ impl Job {
 /// Elements of both lists in turn, so that stopping early keeps the balance.
 fn interleaved(one: &[Job], other: &[Job]) -> Vec<Job> {
     let longer = one.len().max(other.len());
-    (0..longer).flat_map(|i| one.get(i).into_iter().chain(other.get(i))).copied().collect()
+    (0..longer)
+        .flat_map(|i| one.get(i).into_iter().chain(other.get(i)))
+        .copied()
+        .collect()
 }

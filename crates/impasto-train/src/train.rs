@@ -96,7 +96,10 @@ const REPORT_EVERY: Duration = Duration::from_millis(500);
 /// # Errors
 /// If the capture, the paintings or the output folder cannot be used; nothing half-written is
 /// left behind.
-pub fn train(options: &TrainOptions, sink: &mut dyn FnMut(&Event)) -> Result<TrainSummary, TrainError> {
+pub fn train(
+    options: &TrainOptions,
+    sink: &mut dyn FnMut(&Event),
+) -> Result<TrainSummary, TrainError> {
     let start = Instant::now();
     let load = LoadOptions {
         downscale: options.downscale,
@@ -107,6 +110,14 @@ pub fn train(options: &TrainOptions, sink: &mut dyn FnMut(&Event)) -> Result<Tra
     let paintings = match &options.styles {
         Some(dir) => paintings(dir)?,
         None => Paintings::default(),
+    };
+    // Before anything is written: a style stage needs what it continues.
+    let trained = match options.stages {
+        Stages::Style => Some(ModelFile::load(
+            &options.output.join(MODEL_FILE),
+            &Device::flex(),
+        )?),
+        Stages::All | Stages::Geometry => None,
     };
     let mut log = Log::create(&options.output, sink)?;
     log.event(&loaded(&scene, &paintings));
@@ -122,9 +133,9 @@ pub fn train(options: &TrainOptions, sink: &mut dyn FnMut(&Event)) -> Result<Tra
         device: Device::flex(),
         log,
     };
-    let (mut file, geometry_steps) = match options.stages {
-        Stages::Style => (ModelFile::load(&options.output.join(MODEL_FILE), &run.device)?, 0),
-        Stages::All | Stages::Geometry => run.geometry()?,
+    let (mut file, geometry_steps) = match trained {
+        Some(file) => (file, 0),
+        None => run.geometry()?,
     };
     let style_steps = match options.stages {
         Stages::Geometry => 0,
@@ -141,7 +152,7 @@ pub fn train(options: &TrainOptions, sink: &mut dyn FnMut(&Event)) -> Result<Tra
         geometry_steps,
         style_steps,
         train_photos: run.scene.train().count(),
-        paintings: paintings.images.len(),
+        paintings: paintings.named.len(),
         unreadable_paintings: paintings.unreadable.len(),
         synthetic: run.scene.synthetic,
     })
@@ -153,20 +164,25 @@ fn paintings(dir: &std::path::Path) -> Result<Paintings, TrainError> {
         reason,
     };
     let paintings = read_paintings(dir).map_err(|e| fault(format!("cannot be read ({e})")))?;
-    match (paintings.images.is_empty(), paintings.unreadable.first()) {
+    match (paintings.named.is_empty(), paintings.unreadable.first()) {
         (false, _) => Ok(paintings),
         (true, None) => Err(fault("is empty; put JPEG or PNG paintings there".into())),
-        (true, Some((_, first))) => Err(fault(format!("holds no readable painting; the first file says: {first}"))),
+        (true, Some((_, first))) => Err(fault(format!(
+            "holds no readable painting; the first file says: {first}"
+        ))),
     }
 }
 
 fn loaded(scene: &Scene, paintings: &Paintings) -> Event {
-    let size = scene.photos.first().map_or((0, 0), |p| p.pixels.dimensions());
+    let size = scene
+        .photos
+        .first()
+        .map_or((0, 0), |p| p.pixels.dimensions());
     Event::Loaded {
         train_photos: scene.train().count(),
         test_photos: scene.test().count(),
         size: [size.0, size.1],
-        paintings: paintings.images.len(),
+        paintings: paintings.named.len(),
         synthetic: scene.synthetic,
     }
 }
@@ -216,7 +232,11 @@ impl Progress {
     }
 
     fn step(&mut self, clock: &Clock, loss: f64, rays: usize, log: &mut Log<'_>) {
-        self.smooth = if clock.steps <= 1 { loss } else { 0.98 * self.smooth + 0.02 * loss };
+        self.smooth = if clock.steps <= 1 {
+            loss
+        } else {
+            0.98 * self.smooth + 0.02 * loss
+        };
         self.rays += rays as u64;
         if self.last.elapsed() < REPORT_EVERY && !clock.is_over() {
             return;
@@ -241,7 +261,11 @@ impl Run<'_> {
             Budget::Time(time) => (Some(time.as_secs_f64()), None),
             Budget::Steps(steps) => (None, Some(steps)),
         };
-        self.log.event(&Event::StageStarted { stage, seconds, steps });
+        self.log.event(&Event::StageStarted {
+            stage,
+            seconds,
+            steps,
+        });
     }
 
     /// What of the budget the given share of the whole leaves to a stage, from now on.
@@ -249,7 +273,10 @@ impl Run<'_> {
         match self.options.budget {
             Budget::Time(total) => {
                 let end = total.mul_f64(share).saturating_sub(reserve);
-                Budget::Time(end.saturating_sub(self.start.elapsed()).max(Duration::from_millis(100)))
+                Budget::Time(
+                    end.saturating_sub(self.start.elapsed())
+                        .max(Duration::from_millis(100)),
+                )
             }
             Budget::Steps(_) => self.options.budget,
         }
@@ -309,7 +336,9 @@ impl Run<'_> {
             path: path.clone(),
             reason,
         };
-        picture.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| failed(e.to_string()))?;
+        picture
+            .write_to(&mut bytes, image::ImageFormat::Png)
+            .map_err(|e| failed(e.to_string()))?;
         crate::model_file::write_whole(&path, bytes.get_ref())?;
         self.log.event(&Event::Preview { path });
         Ok(())
@@ -326,23 +355,49 @@ impl Run<'_> {
         file.config.style = self.options.config.style.clone();
         file.config.style_app = self.options.config.style_app.clone();
         let (vgg, vae) = (Perceptual::vgg16()?, StyleVae::shipped()?);
-        let generated = if paintings.images.is_empty() { GENERATED_ALONE } else { file.config.style.generated };
+        let generated = if paintings.named.is_empty() {
+            GENERATED_ALONE
+        } else {
+            file.config.style.generated
+        };
         let whole = self.remaining(1.0 - RESERVE, Duration::ZERO);
         self.started(Stage::Style, whole);
         let deadline = match whole {
             Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),
             Budget::Steps(_) => None,
         };
-        let styles = style_set((&vgg, &vae), &paintings.images, generated, self.options.seed, deadline)?;
-        let shown: Vec<_> = styles.iter().step_by(styles.len().div_ceil(4).max(1)).map(|s| s.code.clone()).collect();
+        let styles = style_set(
+            (&vgg, &vae),
+            &paintings.named,
+            generated,
+            self.options.seed,
+            deadline,
+        )?;
+        let shown: Vec<_> = styles
+            .iter()
+            .step_by(styles.len().div_ceil(4).max(1))
+            .map(|s| s.code.clone())
+            .collect();
         let budget = match self.options.budget {
-            Budget::Steps(_) => self.options.budget.share(1.0 - self.options.config.geometry_share),
+            Budget::Steps(_) => self
+                .options
+                .budget
+                .share(1.0 - self.options.config.geometry_share),
             Budget::Time(_) => self.remaining(1.0 - RESERVE, Duration::ZERO),
         };
         let photos = photo_rays(self.scene.train().map(|(_, p)| p));
         let field = Field::new(file.config.field.clone());
         let frozen = (file.weights.clone(), file.grids.clone());
-        let mut stage = StyleStage::new(&file.config, field, frozen, photos, (vgg, vae), styles, self.options.seed, &self.device);
+        let mut stage = StyleStage::new(
+            &file.config,
+            field,
+            frozen,
+            photos,
+            (vgg, vae),
+            styles,
+            self.options.seed,
+            &self.device,
+        );
         let mut clock = Clock::start(budget);
         let mut progress = Progress::new(Stage::Style);
         while !clock.is_over() {

@@ -37,7 +37,11 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
 /// The first held-out view in its own look and in some styles, side by side and small.
 pub fn style_preview(model: &Model, codes: &[StyleCode]) -> Option<RgbImage> {
     let photos = &model.file.scene.photos;
-    let camera = photos.iter().find(|p| p.split == Split::Test).or(photos.first())?.camera;
+    let camera = photos
+        .iter()
+        .find(|p| p.split == Split::Test)
+        .or(photos.first())?
+        .camera;
     let k = camera.intrinsics;
     let scale = f64::from(PREVIEW_SIDE) / f64::from(k.width.max(k.height)).max(1.0);
     let shrink = |side: u32| ((f64::from(side) * scale.min(1.0)) as u32).max(1);
@@ -45,13 +49,18 @@ pub fn style_preview(model: &Model, codes: &[StyleCode]) -> Option<RgbImage> {
     let mut looks = vec![model.photo_look()];
     looks.extend(codes.iter().filter_map(|code| model.look(code)));
     let view = model.render(&camera, &looks.iter().collect::<Vec<_>>());
-    Some(beside(&(0..looks.len()).map(|i| view.image(i)).collect::<Vec<_>>()))
+    Some(beside(
+        &(0..looks.len()).map(|i| view.image(i)).collect::<Vec<_>>(),
+    ))
 }
 
 impl RenderedView {
     /// One look as 8-bit pixels.
     pub fn image(&self, look: usize) -> RgbImage {
-        let bytes = self.pixels[look].iter().map(|v| (v * 255.0).round() as u8).collect();
+        let bytes = self.pixels[look]
+            .iter()
+            .map(|v| (v * 255.0).round() as u8)
+            .collect();
         RgbImage::from_raw(self.width as u32, self.height as u32, bytes).unwrap_or_default()
     }
 }

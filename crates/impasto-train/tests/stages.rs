@@ -1,5 +1,7 @@
 //! Both stages on the smallest case that shows they learn, and what they write.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 use burn::tensor::Device;
 use impasto_field::{EncodingConfig, Field};
 use impasto_paintings::{Family, Recipe, paint};
@@ -7,8 +9,8 @@ use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::{
-    Budget, Clock, Event, GeometryStage, Model, ModelFile, ModelScene, Quality, StyleStage, Stages, TrainConfig,
-    TrainOptions, photo_rays, style_set, train,
+    Budget, Clock, Event, GeometryStage, Model, ModelFile, ModelScene, Quality, Stages, StyleStage,
+    TrainConfig, TrainOptions, photo_rays, style_set, train,
 };
 
 fn small() -> TrainConfig {
@@ -80,8 +82,14 @@ fn geometry_stage_learns_one_photo_by_heart() {
     let (_, photo) = scene.train().next().unwrap();
     let view = model.render(&photo.camera, &[&model.photo_look()]);
     let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
-    assert!(psnr > 24.0, "one photo learned by heart comes out at {psnr:.1} dB");
-    assert!(view.depth.iter().all(|d| *d > 0.0), "every ray meets something");
+    assert!(
+        psnr > 24.0,
+        "one photo learned by heart comes out at {psnr:.1} dB"
+    );
+    assert!(
+        view.depth.iter().all(|d| *d > 0.0),
+        "every ray meets something"
+    );
 }
 
 #[test]
@@ -91,12 +99,21 @@ fn style_stage_learns_one_painting_by_heart() {
     let file = reconstruct(&scene, &config, 120);
     let (vgg, vae) = (Perceptual::vgg16().unwrap(), StyleVae::shipped().unwrap());
     let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
-    let mut styles = style_set((&vgg, &vae), &[painting], 0, 1, None).unwrap();
+    let mut styles = style_set((&vgg, &vae), &[("one".into(), painting)], 0, 1, None).unwrap();
     styles.truncate(1);
     let photos = photo_rays(scene.train().map(|(_, p)| p));
     let field = Field::new(config.field.clone());
     let frozen = (file.weights, file.grids);
-    let mut stage = StyleStage::new(&config, field, frozen, photos, (vgg, vae), styles, 1, &Device::flex());
+    let mut stage = StyleStage::new(
+        &config,
+        field,
+        frozen,
+        photos,
+        (vgg, vae),
+        styles,
+        1,
+        &Device::flex(),
+    );
     let mut clock = Clock::start(Budget::Steps(80));
     let mut losses = Vec::new();
     while !clock.is_over() {
@@ -105,7 +122,10 @@ fn style_stage_learns_one_painting_by_heart() {
     }
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let (first, last) = (mean(&losses[..5]), mean(&losses[70..]));
-    assert!(last < 0.5 * first, "style loss went from {first:.3} to {last:.3}");
+    assert!(
+        last < 0.5 * first,
+        "style loss went from {first:.3} to {last:.3}"
+    );
 }
 
 #[test]
@@ -140,12 +160,18 @@ fn a_run_writes_a_model_that_renders_the_same_when_read_back() {
     assert_eq!(one, two);
     assert!(!one[0].iter().any(|v| v.is_nan()));
     let log = std::fs::read_to_string(output.join("log.jsonl")).unwrap();
-    assert!(log.lines().all(|l| serde_json::from_str::<serde_json::Value>(l).is_ok()));
+    assert!(
+        log.lines()
+            .all(|l| serde_json::from_str::<serde_json::Value>(l).is_ok())
+    );
     assert!(log.contains("\"done\""));
     let bytes = std::fs::read(output.join("model.safetensors")).unwrap();
     for cut in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
         std::fs::write(output.join("model.safetensors"), &bytes[..cut]).unwrap();
-        assert!(Model::load(&output).is_err(), "a file cut at {cut} must be refused");
+        assert!(
+            Model::load(&output).is_err(),
+            "a file cut at {cut} must be refused"
+        );
     }
 }
 

@@ -182,8 +182,8 @@ impl Tape {
                 .chunks_exact_mut(n)
                 .zip(self.normalised[i].chunks_exact(n));
             for ((g, y), inverse_std) in rows.zip(&self.inverse_std[i]) {
-                let mean = g.iter().sum::<f32>() / n as f32;
-                let along = g.iter().zip(y).map(|(g, y)| g * y).sum::<f32>() / n as f32;
+                let mean = lane_sum(g, y, |g, _| g) / n as f32;
+                let along = lane_sum(g, y, |g, y| g * y) / n as f32;
                 for (g, y) in g.iter_mut().zip(y) {
                     *g = inverse_std * (*g - mean - y * along);
                 }
@@ -192,10 +192,27 @@ impl Tape {
     }
 }
 
+/// `Σ f(aᵢ, bᵢ)` in 16 interleaved partial sums: a single running sum would have to be added in
+/// order, one number at a time.
+#[inline(always)]
+fn lane_sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
+    const LANES: usize = 16;
+    let mut lanes = [0f32; LANES];
+    let (a_lanes, a_rest) = a.as_chunks::<LANES>();
+    let (b_lanes, b_rest) = b.as_chunks::<LANES>();
+    for (a, b) in a_lanes.iter().zip(b_lanes) {
+        for lane in 0..LANES {
+            lanes[lane] += f(a[lane], b[lane]);
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| f(*a, *b)).sum();
+    lanes.iter().sum::<f32>() + rest
+}
+
 fn normalise(rows: &mut [f32], width: usize, inverse_std: &mut [f32]) {
     for (row, inv) in rows.chunks_exact_mut(width).zip(inverse_std) {
-        let mean = row.iter().sum::<f32>() / width as f32;
-        let var = row.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / width as f32;
+        let mean = lane_sum(row, row, |v, _| v) / width as f32;
+        let var = lane_sum(row, row, |v, _| (v - mean) * (v - mean)) / width as f32;
         *inv = (var + LAYER_NORM_EPS).sqrt().recip();
         for v in row {
             *v = (*v - mean) * *inv;
