@@ -43,6 +43,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         text,
         json: json!({
             "synthetic": model.file.scene.synthetic,
+            "unreadable": read.unreadable.iter().map(|(path, _)| path).collect::<Vec<_>>(),
             "reconstruction": to_json(&quality),
             "methods": { "impasto": to_json(&fidelity) },
         }),

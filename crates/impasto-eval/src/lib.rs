@@ -98,9 +98,8 @@ pub fn style_fidelity(
         for (i, (result, target)) in results.iter_mut().zip(&targets).enumerate() {
             let painted = features(&vgg, &view.image(i + 1))?;
             let loss = painted.statistics.distance(target);
-            let nearest = targets
-                .iter()
-                .all(|other| painted.statistics.distance(other) >= loss);
+            let mut others = targets.iter().enumerate().filter(|(j, _)| *j != i);
+            let nearest = others.all(|(_, other)| painted.statistics.distance(other) > loss);
             let content = painted.content.iter().zip(&plain.content);
             result.style_loss += f64::from(loss);
             result.style_gain +=

@@ -79,6 +79,8 @@ pub struct Light {
     pub lit: Vec<bool>,
 }
 
+/// Most of a ray's light that leaving out small contributions may move to the background.
+const MOST_DROPPED: f32 = 0.02;
 /// Ends of the waves in which a ray's samples are looked at, front to back.
 const WAVES: [usize; 3] = [16, 48, usize::MAX];
 
@@ -151,10 +153,24 @@ impl Field {
         all
     }
 
-    /// The samples that contribute at least `least` of the light, and the farthest of each ray.
+    /// The samples that contribute at least `least` of the light, and the farthest of each ray. Of
+    /// a ray whose smaller samples add up to more than [`MOST_DROPPED`], as haze does, all those
+    /// that contribute a tenth of `least` are kept.
     pub fn contributing(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Samples {
         let light = self.light(weights, samples, least);
         let mut keep: Vec<bool> = light.weights.iter().map(|w| *w >= least).collect();
+        for span in &samples.layout.rays {
+            let small = |i: &usize| light.weights[*i] < least;
+            let dropped: f32 = along(span, 0, usize::MAX)
+                .filter(small)
+                .map(|i| light.weights[i])
+                .sum();
+            if dropped > MOST_DROPPED {
+                for i in along(span, 0, usize::MAX) {
+                    keep[i] = light.weights[i] >= 0.1 * least;
+                }
+            }
+        }
         keep_farthest(samples, &mut keep);
         samples.pruned(&keep)
     }

@@ -14,7 +14,7 @@ mod vae;
 
 pub use error::StyleError;
 pub use hypernetwork::{Hypernetwork, HypernetworkWeights};
-pub use patch::{Patch, PatchSampler};
+pub use patch::{Patch, PatchSampler, PatchStrides};
 pub use perceptual::{Features, Perceptual, Statistics};
 pub use picture::{picture, square_crop};
 pub use tensors::{TensorFile, write_f16};

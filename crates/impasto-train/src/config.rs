@@ -1,8 +1,10 @@
 //! Everything a run can be told, as data. A preset is a value of [`TrainConfig`].
 
+use crate::TrainError;
 use impasto_field::{
     AppearanceConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig,
 };
+use impasto_style::PatchStrides;
 use serde::{Deserialize, Serialize};
 
 /// Geometry stage (PAPER §4).
@@ -47,6 +49,8 @@ pub struct StyleConfig {
     pub final_rate: f32,
     /// Height and width of a patch.
     pub patch: [usize; 2],
+    /// How far apart a patch's pixels lie.
+    pub strides: PatchStrides,
     /// Styles trained per geometry pass of a patch.
     pub styles_per_patch: usize,
     /// Samples with less weight are left out.
@@ -142,6 +146,7 @@ impl TrainConfig {
                 canvas_rate: 1e-2,
                 final_rate: 0.1,
                 patch: [67, 81],
+                strides: PatchStrides::Scale([0.8, 1.4]),
                 styles_per_patch: 2,
                 least_weight: 5e-3,
                 hyper_width: 64,
@@ -150,5 +155,167 @@ impl TrainConfig {
             },
             geometry_share: 0.3,
         }
+    }
+}
+
+/// Largest density grid: 256³ cells are 16 MB of flags.
+const LARGEST_GRID: usize = 256;
+
+impl TrainConfig {
+    /// Checks every setting that code relies on.
+    ///
+    /// # Errors
+    /// The first setting that is out of range, by its dotted path.
+    pub fn validate(&self) -> Result<(), TrainError> {
+        let (g, s, sampling) = (&self.geometry, &self.style, &self.field.sampling);
+        let rates = [
+            g.grid_rate,
+            g.network_rate,
+            g.final_rate,
+            s.rate,
+            s.canvas_rate,
+            s.final_rate,
+        ];
+        let weights = [
+            g.distortion,
+            g.surface,
+            s.style_weight,
+            s.content_weight,
+            s.photo_weight,
+        ];
+        let share = |v: f32| (0.0..=1.0).contains(&v);
+        let grid = |v: usize| (1..=LARGEST_GRID).contains(&v);
+        let checks = [
+            (
+                "geometry_share",
+                (0.0..=1.0).contains(&self.geometry_share),
+                "0 to 1",
+            ),
+            (
+                "geometry.rays",
+                1 <= g.rays[0] && g.rays[0] <= g.rays[1],
+                "[fewest, most], both at least 1",
+            ),
+            ("geometry.samples", g.samples >= 1, "at least 1"),
+            ("geometry.surface_share", share(g.surface_share), "0 to 1"),
+            ("geometry.grid_every", g.grid_every >= 1, "at least 1"),
+            (
+                "*_rate",
+                rates.iter().all(|r| r.is_finite() && *r >= 0.0),
+                "finite, not negative",
+            ),
+            (
+                "*_weight",
+                weights.iter().all(|w| w.is_finite() && *w >= 0.0),
+                "finite, not negative",
+            ),
+            (
+                "style.patch",
+                s.patch.iter().all(|p| (8..=1024).contains(p)),
+                "8 to 1024 a side",
+            ),
+            ("style.virtual_share", share(s.virtual_share), "0 to 1"),
+            ("style.least_weight", share(s.least_weight), "0 to 1"),
+            (
+                "style.hyper_width",
+                (1..=4096).contains(&s.hyper_width),
+                "1 to 4096",
+            ),
+            (
+                "field.sampling.inner_step",
+                sampling.inner_step >= 1e-4 && sampling.inner_step <= 1.0,
+                "0.0001 to 1",
+            ),
+            (
+                "field.sampling.outer_steps",
+                (1..=4096).contains(&sampling.outer_steps),
+                "1 to 4096",
+            ),
+            (
+                "field.sampling.inner_grid",
+                grid(sampling.inner_grid),
+                "1 to 256",
+            ),
+            (
+                "field.sampling.outer_grid",
+                grid(sampling.outer_grid),
+                "1 to 256",
+            ),
+            (
+                "field.sampling.near",
+                sampling.near >= 0.0 && sampling.near.is_finite(),
+                "finite, not negative",
+            ),
+            (
+                "photo_app.canvas",
+                self.photo_app.canvas.is_none(),
+                "null: only styles have a canvas",
+            ),
+        ];
+        if let Some((key, _, allowed)) = checks.iter().find(|(_, holds, _)| !holds) {
+            return Err(setting(key, allowed));
+        }
+        for (key, volume) in [
+            ("field.inner", &self.field.inner),
+            ("field.outer", &self.field.outer),
+        ] {
+            encoding(&format!("{key}.encoding"), &volume.encoding)?;
+            widths(&format!("{key}.base"), &volume.base, 1)?;
+            widths(&format!("{key}.geo"), &volume.geo, 0)?;
+        }
+        widths("photo_app.hidden", &self.photo_app.hidden, 0)?;
+        widths("style_app.hidden", &self.style_app.hidden, 0)?;
+        match &self.style_app.canvas {
+            Some(EncodingConfig::Frequency { .. }) => {
+                Err(setting("style_app.canvas", "a hash grid, or null"))
+            }
+            Some(canvas) => encoding("style_app.canvas", canvas),
+            None => Ok(()),
+        }
+    }
+}
+
+fn setting(key: &str, allowed: &str) -> TrainError {
+    TrainError::Setting {
+        key: key.to_owned(),
+        reason: format!("out of range, allowed: {allowed}"),
+    }
+}
+
+fn widths(key: &str, widths: &[usize], least: usize) -> Result<(), TrainError> {
+    let fits = widths.len() >= least && widths.iter().all(|w| (1..=4096).contains(w));
+    if fits {
+        Ok(())
+    } else {
+        Err(setting(
+            key,
+            &format!("at least {least} widths of 1 to 4096"),
+        ))
+    }
+}
+
+fn encoding(key: &str, encoding: &EncodingConfig) -> Result<(), TrainError> {
+    let fits = match encoding {
+        EncodingConfig::Frequency { bands } => *bands <= 24,
+        EncodingConfig::HashGrid {
+            levels,
+            features,
+            log2_entries,
+            coarsest,
+            finest,
+        } => {
+            (1..=32).contains(levels)
+                && [1, 2, 4, 8].contains(features)
+                && (4..=24).contains(log2_entries)
+                && *coarsest >= 1.0
+                && coarsest <= finest
+                && *finest <= 65536.0
+        }
+    };
+    let allowed = "1 to 32 levels, 1, 2, 4 or 8 features, log2_entries 4 to 24, 1 ≤ coarsest ≤ finest ≤ 65536, at most 24 bands";
+    if fits {
+        Ok(())
+    } else {
+        Err(setting(key, allowed))
     }
 }

@@ -33,6 +33,22 @@ pub enum TrainError {
         /// Why.
         reason: String,
     },
+    /// The style stage got another capture than the geometry stage.
+    #[error(
+        "this is not the capture that the model was made from ({what}); train both stages on it instead"
+    )]
+    OtherScene {
+        /// The first difference.
+        what: String,
+    },
+    /// A setting is out of range.
+    #[error("setting {key}: {reason}")]
+    Setting {
+        /// Its dotted path.
+        key: String,
+        /// What is allowed.
+        reason: String,
+    },
     /// Photos are smaller than a patch.
     #[error(
         "photo {photo} is {width}×{height} pixels as trained, the style stage needs at least {least_width}×{least_height}: use a smaller --downscale"

@@ -3,7 +3,7 @@
 use crate::budget::Clock;
 use crate::config::{GeometryConfig, TrainConfig};
 use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
-use burn::tensor::{Device, Gradients, Tensor};
+use burn::tensor::{Device, Tensor};
 use glam::{DVec3, DVec4, Vec4Swizzles};
 use impasto_field::{
     Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, contracted_distance,
@@ -77,14 +77,9 @@ impl Params {
     }
 }
 
-fn apply(
-    param: &mut AdamParam,
-    leaf: &Tensor<1>,
-    gradients: &mut Gradients,
-    rate: f32,
-    sparse: bool,
-) {
-    if let Some(grad) = leaf.grad_remove(gradients) {
+/// One Adam step, where the loss depended on the parameter at all.
+fn descend_one(param: &mut AdamParam, grad: Option<Tensor<1>>, rate: f32, sparse: bool) {
+    if let Some(grad) = grad {
         param.step(grad, rate, sparse);
     }
 }
@@ -208,29 +203,23 @@ impl GeometryStage {
         let surface = self.config.surface * (1.0 - progress).powi(2) * rays as f32 / known as f32;
         let loss = error.clone() + column(5).mean() * distortion + column(4).mean() * surface;
         let mut gradients = loss.backward();
-        let (grid_rate, network_rate) = (
+        let mut taken = |leaf: &Tensor<1>| leaf.grad_remove(&mut gradients);
+        let fields = [&weights.inner, &weights.outer];
+        let fields = fields.map(|w| [&w.encoding, &w.base, &w.geo].map(&mut taken));
+        let apps = [&app.inner, &app.outer].map(&mut taken);
+        // Adam works in place only on what nobody else holds.
+        drop((weights, app, out));
+        let (grids, networks) = (
             self.config.grid_rate * fade,
             self.config.network_rate * fade,
         );
-        for (params, leaves) in self
-            .params
-            .branches
-            .iter_mut()
-            .zip([&weights.inner, &weights.outer])
-        {
-            let leaves = [&leaves.encoding, &leaves.base, &leaves.geo];
-            for (i, (param, leaf)) in params.iter_mut().zip(leaves).enumerate() {
-                apply(
-                    param,
-                    leaf,
-                    &mut gradients,
-                    if i == 0 { grid_rate } else { network_rate },
-                    i == 0,
-                );
+        for (params, grads) in self.params.branches.iter_mut().zip(fields) {
+            for (i, (param, grad)) in params.iter_mut().zip(grads).enumerate() {
+                descend_one(param, grad, if i == 0 { grids } else { networks }, i == 0);
             }
         }
-        for (param, leaf) in self.params.app.iter_mut().zip([&app.inner, &app.outer]) {
-            apply(param, leaf, &mut gradients, network_rate, false);
+        for (param, grad) in self.params.app.iter_mut().zip(apps) {
+            descend_one(param, grad, networks, false);
         }
         f64::from(host(error.inner())[0])
     }
@@ -276,11 +265,12 @@ fn known_surfaces(scene: &Scene) -> Vec<KnownSurface> {
         index[i] = Some(position);
     }
     let mut surfaces = Vec::new();
-    for point in scene
-        .points
-        .iter()
-        .filter(|p| p.seen_by.len() >= 3 && p.error < 2.0)
-    {
+    for point in scene.points.iter().filter(|p| p.error < 2.0) {
+        // Held-out photos must not vouch for a point either.
+        let witnesses = point.seen_by.iter().filter(|s| index[s.photo].is_some());
+        if witnesses.count() < 3 {
+            continue;
+        }
         for seen in &point.seen_by {
             let Some(photo) = index[seen.photo] else {
                 continue;

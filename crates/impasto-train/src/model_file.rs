@@ -281,6 +281,7 @@ impl Reader<'_> {
 
     fn model(&self, header: Header) -> Result<ModelFile, String> {
         let config = header.config;
+        config.validate().map_err(|e| e.to_string())?;
         let field = Field::new(config.field.clone());
         let features = field.features();
         let branch = |volume: &str, lengths: [usize; 3]| -> Result<BranchWeights, String> {

@@ -4,7 +4,7 @@
 use crate::budget::Clock;
 use crate::config::{StyleConfig, TrainConfig};
 use crate::rays::PhotoRays;
-use crate::styles::Style;
+use crate::styles::{STYLE_SIDE, Style};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_field::{Appearance, Canvas, Field, FieldWeights, Geometry, Grids, RayBatch};
 use impasto_kernels::ops::AdamParam;
@@ -112,6 +112,8 @@ impl StyleStage {
             canvas: canvas.map(|c| [AdamParam::new(c.inner), AdamParam::new(c.outer)]),
             sampler: PatchSampler {
                 size: config.style.patch,
+                strides: config.style.strides,
+                reference: STYLE_SIDE as usize,
             },
             config: config.clone(),
             field,
@@ -242,19 +244,22 @@ impl StyleStage {
             loss = loss + (colours - photo).square().mean() * settings.photo_weight;
         }
         let mut gradients = loss.backward();
+        let mut taken = |leaf: &Tensor<1>| leaf.grad_remove(&mut gradients);
+        let layers = model.weights.iter().flat_map(|w| &w.0);
+        let hyper: Vec<_> = layers.map(&mut taken).collect();
+        let canvas = model.canvas.iter().flat_map(|c| [&c.inner, &c.outer]);
+        let canvas: Vec<_> = canvas.map(&mut taken).collect();
+        // Adam works in place only on what nobody else holds.
+        drop((model, appearance));
         let fade = settings.final_rate.powf(clock.progress() as f32);
-        for (params, leaves) in self.hyper_params.iter_mut().zip(&model.weights) {
-            for (param, leaf) in params.iter_mut().zip(&leaves.0) {
-                if let Some(grad) = leaf.grad_remove(&mut gradients) {
-                    param.step(grad, settings.rate * fade, false);
-                }
+        for (param, grad) in self.hyper_params.iter_mut().flatten().zip(hyper) {
+            if let Some(grad) = grad {
+                param.step(grad, settings.rate * fade, false);
             }
         }
-        if let (Some(params), Some(canvas)) = (&mut self.canvas, &model.canvas) {
-            for (param, leaf) in params.iter_mut().zip([&canvas.inner, &canvas.outer]) {
-                if let Some(grad) = leaf.grad_remove(&mut gradients) {
-                    param.step(grad, settings.canvas_rate * fade, true);
-                }
+        for (param, grad) in self.canvas.iter_mut().flatten().zip(canvas) {
+            if let Some(grad) = grad {
+                param.step(grad, settings.canvas_rate * fade, true);
             }
         }
         let number = |t: Tensor<1>| f64::from(t.inner().into_scalar::<f32>());

@@ -14,9 +14,11 @@ use std::time::Instant;
 /// Side of the square pictures that statistics are taken of.
 pub const STYLE_SIDE: u32 = 160;
 /// Random crops per painting, beside the whole.
-const CROPS: u64 = 2;
-/// Smallest share of the side that a random crop keeps (its square is the share of the area).
-const LEAST_CROP: f32 = 0.73;
+const CROPS: u64 = 4;
+/// Smallest share of the side that a random crop keeps: smaller crops have larger strokes.
+const LEAST_CROP: f32 = 0.5;
+/// Share of random crops whose colours are changed: palettes vary more than 100 paintings do.
+const RECOLOURED: f64 = 0.5;
 /// First seed of generated training pictures; the ones below are free for other uses.
 pub const FIRST_GENERATED: u64 = 10_000;
 
@@ -156,9 +158,39 @@ impl Job {
                 if rng.random() {
                     image::imageops::flip_horizontal_in_place(&mut square);
                 }
+                if rng.random_bool(RECOLOURED) {
+                    recolour(&mut square, &mut rng);
+                }
                 square
             }
         }
+    }
+}
+
+/// Turns hues, and changes saturation, contrast and brightness, by random amounts.
+fn recolour(image: &mut RgbImage, rng: &mut Pcg64) {
+    let (sin, cos) = rng.random_range(0.0..std::f32::consts::TAU).sin_cos();
+    let saturation = rng.random_range(0.4f32..1.5);
+    let contrast = rng.random_range(0.7f32..1.3);
+    let shift = rng.random_range(-25.0f32..25.0);
+    for pixel in image.pixels_mut() {
+        let [r, g, b] = pixel.0.map(f32::from);
+        // Luma and two opponent colours (YIQ), in which a hue is an angle.
+        let luma = 0.299 * r + 0.587 * g + 0.114 * b;
+        let i = 0.596 * r - 0.274 * g - 0.322 * b;
+        let q = 0.211 * r - 0.523 * g + 0.312 * b;
+        let (i, q) = (
+            saturation * (cos * i - sin * q),
+            saturation * (sin * i + cos * q),
+        );
+        let luma = (luma - 128.0) * contrast + 128.0 + shift;
+        let rgb = [
+            luma + 0.956 * i + 0.621 * q,
+            luma - 0.272 * i - 0.647 * q,
+            luma - 1.106 * i + 1.703 * q,
+        ];
+        // A float's cast to a byte saturates.
+        pixel.0 = rgb.map(|c| c.round() as u8);
     }
 }
 

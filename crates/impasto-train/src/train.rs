@@ -84,6 +84,8 @@ pub struct TrainSummary {
 const GENERATED_ALONE: usize = 400;
 /// Part of a time budget kept for the checks after the last stage.
 const RESERVE: f64 = 0.02;
+/// At least this much of it, unless that is more than a quarter.
+const LEAST_RESERVE: Duration = Duration::from_secs(2);
 /// Most of the style stage's time that statistics of crops and generated pictures may take.
 const PREPARATION: f64 = 0.12;
 /// Most of a time budget that comparing held-out views may take.
@@ -101,6 +103,7 @@ pub fn train(
     sink: &mut dyn FnMut(&Event),
 ) -> Result<TrainSummary, TrainError> {
     let start = Instant::now();
+    options.config.validate()?;
     let load = LoadOptions {
         downscale: options.downscale,
         format: options.format,
@@ -119,6 +122,9 @@ pub fn train(
         )?),
         Stages::All | Stages::Geometry => None,
     };
+    if let Some(file) = &trained {
+        check_same_scene(file, &scene)?;
+    }
     let mut log = Log::create(&options.output, sink)?;
     log.event(&loaded(&scene, &paintings));
     for (path, reason) in &paintings.unreadable {
@@ -205,6 +211,32 @@ fn check_sizes(scene: &Scene, options: &TrainOptions) -> Result<(), TrainError> 
     }
 }
 
+/// A frozen field fits only the capture that it was made from: the same photos, split and poses.
+fn check_same_scene(file: &ModelFile, scene: &Scene) -> Result<(), TrainError> {
+    let differs = |what: String| TrainError::OtherScene { what };
+    let (ours, theirs) = (&file.scene.photos, &scene.photos);
+    if ours.len() != theirs.len() {
+        return Err(differs(format!(
+            "{} photos instead of {}",
+            theirs.len(),
+            ours.len()
+        )));
+    }
+    for (ours, theirs) in ours.iter().zip(theirs) {
+        let moved = ours.camera.centre().distance(theirs.camera.centre());
+        if ours.name != theirs.name || ours.split != theirs.split || moved > SAME_PLACE {
+            return Err(differs(format!(
+                "photo {} where the model knows {}, or another pose or split of it",
+                theirs.name, ours.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// How far a camera of the same capture may seem to have moved, scene units.
+const SAME_PLACE: f64 = 1e-4;
+
 struct Run<'a> {
     options: &'a TrainOptions,
     scene: Scene,
@@ -268,28 +300,30 @@ impl Run<'_> {
         });
     }
 
-    /// What of the budget the given share of the whole leaves to a stage, from now on.
-    fn remaining(&self, share: f64, reserve: Duration) -> Budget {
-        match self.options.budget {
-            Budget::Time(total) => {
-                let end = total.mul_f64(share).saturating_sub(reserve);
-                Budget::Time(
-                    end.saturating_sub(self.start.elapsed())
-                        .max(Duration::from_millis(100)),
-                )
-            }
-            Budget::Steps(_) => self.options.budget,
-        }
+    /// The budget of a stage that begins now.
+    fn stage_budget(&self, stage: Stage) -> Budget {
+        let share = self.options.config.geometry_share;
+        let only = self.options.stages != Stages::All;
+        let total = match (self.options.budget, stage) {
+            (Budget::Steps(_), _) if only => return self.options.budget,
+            (Budget::Steps(_), Stage::Geometry) => return self.options.budget.share(share),
+            (Budget::Steps(_), Stage::Style) => return self.options.budget.share(1.0 - share),
+            (Budget::Time(total), _) => total,
+        };
+        let reserve = total.mul_f64(RESERVE).max(LEAST_RESERVE).min(total / 4);
+        let end = match stage {
+            Stage::Geometry if only => total.mul_f64(1.0 - COMPARISON).saturating_sub(reserve),
+            Stage::Geometry => total.mul_f64(share),
+            Stage::Style => total.saturating_sub(reserve),
+        };
+        let left = end.saturating_sub(self.start.elapsed());
+        Budget::Time(left.max(Duration::from_millis(100)))
     }
 
     fn geometry(&mut self) -> Result<(ModelFile, u64), TrainError> {
         let config = &self.options.config;
         let mut stage = GeometryStage::new(&self.scene, config, self.options.seed, &self.device);
-        let budget = match (self.options.stages, self.options.budget) {
-            (Stages::Geometry, _) => self.remaining(1.0 - RESERVE, Duration::ZERO),
-            (_, Budget::Steps(_)) => self.options.budget.share(config.geometry_share),
-            _ => self.remaining(config.geometry_share, Duration::ZERO),
-        };
+        let budget = self.stage_budget(Stage::Geometry);
         self.started(Stage::Geometry, budget);
         let mut clock = Clock::start(budget);
         let mut progress = Progress::new(Stage::Geometry);
@@ -360,7 +394,7 @@ impl Run<'_> {
         } else {
             file.config.style.generated
         };
-        let whole = self.remaining(1.0 - RESERVE, Duration::ZERO);
+        let whole = self.stage_budget(Stage::Style);
         self.started(Stage::Style, whole);
         let deadline = match whole {
             Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),
@@ -378,13 +412,7 @@ impl Run<'_> {
             .step_by(styles.len().div_ceil(4).max(1))
             .map(|s| s.code.clone())
             .collect();
-        let budget = match self.options.budget {
-            Budget::Steps(_) => self
-                .options
-                .budget
-                .share(1.0 - self.options.config.geometry_share),
-            Budget::Time(_) => self.remaining(1.0 - RESERVE, Duration::ZERO),
-        };
+        let budget = self.stage_budget(Stage::Style);
         let photos = photo_rays(self.scene.train().map(|(_, p)| p));
         let field = Field::new(file.config.field.clone());
         let frozen = (file.weights.clone(), file.grids.clone());

@@ -18,13 +18,21 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
     let mut quality = Quality::default();
     let mut preview = None;
     for (_, photo) in scene.test() {
-        if quality.views > 0 && start.elapsed() > limit {
+        // One more view takes about as long as the ones before it did.
+        let ahead = start.elapsed() / quality.views.max(1) as u32;
+        if quality.views > 0 && start.elapsed() + ahead > limit {
             break;
         }
         let view = model.render(&photo.camera, &[&look]);
         let truth = picture(&photo.pixels);
-        quality.psnr += metrics::psnr(&view.pixels[0], &truth);
-        quality.ssim += metrics::ssim(&view.pixels[0], &truth, view.width, view.height, 3);
+        quality.psnr += storable(metrics::psnr(&view.pixels[0], &truth));
+        quality.ssim += storable(metrics::ssim(
+            &view.pixels[0],
+            &truth,
+            view.width,
+            view.height,
+            3,
+        ));
         quality.views += 1;
         preview.get_or_insert_with(|| beside(&[photo.pixels.clone(), view.image(0)]));
     }
@@ -32,6 +40,15 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
     quality.psnr /= n;
     quality.ssim /= n;
     (quality, preview)
+}
+
+/// JSON has no infinity and no NaN: a perfect view counts as 99 dB, an unmeasurable one as 0.
+fn storable(measure: f64) -> f64 {
+    if measure.is_nan() {
+        0.0
+    } else {
+        measure.min(99.0)
+    }
 }
 
 /// The first held-out view in its own look and in some styles, side by side and small.

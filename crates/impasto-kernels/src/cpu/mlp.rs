@@ -116,15 +116,17 @@ struct Tape {
 }
 
 impl Tape {
-    fn new(spec: &MlpSpec) -> Self {
+    /// Room for a block, or for all `rows` if they are fewer.
+    fn new(spec: &MlpSpec, rows: usize) -> Self {
+        let rows = rows.min(BLOCK);
         let norm = |n: usize| {
-            move |l: &LayerSpec| vec![0.0; if l.layer_norm { BLOCK * n.max(1) } else { 0 }]
+            move |l: &LayerSpec| vec![0.0; if l.layer_norm { rows * n.max(1) } else { 0 }]
         };
         Self {
             outputs: spec
                 .layers
                 .iter()
-                .map(|l| vec![0.0; BLOCK * l.outputs])
+                .map(|l| vec![0.0; rows * l.outputs])
                 .collect(),
             normalised: spec.layers.iter().map(|l| norm(l.outputs)(l)).collect(),
             inverse_std: spec.layers.iter().map(norm(1)).collect(),
@@ -244,11 +246,12 @@ pub fn forward(spec: &MlpSpec, x: &[f32], params: &[f32]) -> Vec<f32> {
     let (inputs, outputs) = (spec.inputs(), spec.outputs());
     assert_eq!(params.len(), spec.params(), "parameters of an MLP");
     assert_eq!(x.len() % inputs, 0, "rows of an MLP's input");
-    let mut out = vec![0.0; x.len() / inputs * outputs];
+    let rows = x.len() / inputs;
+    let mut out = vec![0.0; rows * outputs];
     out.par_chunks_mut(BLOCK * outputs)
         .zip(x.par_chunks(BLOCK * inputs))
         .for_each_init(
-            || Tape::new(spec),
+            || Tape::new(spec, rows),
             |tape, (out, x)| {
                 tape.forward(spec, params, x, x.len() / inputs);
                 let last = &tape.outputs[tape.outputs.len() - 1];
@@ -306,9 +309,10 @@ fn piece_backward(
         .map(|l| l.inputs.max(l.outputs))
         .max()
         .unwrap_or(0);
-    let mut tape = Tape::new(spec);
+    let room = BLOCK.min(x.len() / inputs);
+    let mut tape = Tape::new(spec, room);
     let mut params_grad = vec![0.0; params.len()];
-    let (mut current, mut next) = (vec![0.0; BLOCK * widest], vec![0.0; BLOCK * widest]);
+    let (mut current, mut next) = (vec![0.0; room * widest], vec![0.0; room * widest]);
     for (block, (x, grad)) in x
         .chunks(BLOCK * inputs)
         .zip(grad.chunks(BLOCK * outputs))

@@ -113,38 +113,103 @@ impl Padded {
     }
 }
 
-/// Pixels of one task of a convolution.
+/// Most pixels of one task of a convolution.
 const TASK: usize = 512;
+/// An image of fewer pixels is deep rather than wide: cut by output channels, not by pixels,
+/// because every task would have to rearrange all the filters for itself.
+const DEEP: usize = 1024;
+/// Tasks of a convolution over a deep image.
+const DEEP_TASKS: usize = 4;
 
 /// `weight`: `[3][3 · inputs][outputs]`. Computes every pixel between the first and the last of
 /// the image, border columns included (those are cleared afterwards).
 fn convolve(input: &Padded, weight: &[f32], bias: Option<&[f32]>, outputs: usize) -> Padded {
     let mut out = Padded::zeros(input.height, input.width, outputs);
     let stride = input.width + 2;
-    let (inputs, first) = (input.channels, stride + 1);
+    let first = stride + 1;
     let count = (input.height - 1) * stride + input.width;
-    out.data[first * outputs..(first + count) * outputs]
-        .par_chunks_mut(TASK.min(count.div_ceil(4)) * outputs)
-        .enumerate()
-        .for_each(|(task, out)| {
-            let start = first + task * TASK.min(count.div_ceil(4));
-            let rows = out.len() / outputs;
-            if let Some(bias) = bias {
-                for pixel in out.chunks_exact_mut(outputs) {
-                    pixel.copy_from_slice(bias);
-                }
-            }
-            for dy in 0..3 {
-                let corner = (start + dy * stride - stride - 1) * inputs;
-                add_product(
-                    out,
-                    View::strided(&input.data[corner..], (rows, 3 * inputs), (inputs, 1)),
-                    View::new(&weight[dy * 3 * inputs * outputs..], 3 * inputs, outputs),
-                );
-            }
-        });
+    let target = &mut out.data[first * outputs..(first + count) * outputs];
+    if count < DEEP && outputs >= 16 * DEEP_TASKS {
+        convolve_deep(input, weight, bias, (first, count, outputs), target);
+    } else {
+        let task = TASK.min(count.div_ceil(4));
+        target
+            .par_chunks_mut(task * outputs)
+            .enumerate()
+            .for_each(|(i, target)| {
+                let pixels = (first + i * task, target.len() / outputs);
+                convolve_task(input, pixels, (weight, outputs), bias, target);
+            });
+    }
     out.clear_border();
     out
+}
+
+/// Pixels `start..start + count` for as many output channels as `target` has room for; `weight`
+/// starts at the first of them and its rows are `row` long.
+fn convolve_task(
+    input: &Padded,
+    (start, count): (usize, usize),
+    (weight, row): (&[f32], usize),
+    bias: Option<&[f32]>,
+    target: &mut [f32],
+) {
+    let (inputs, stride) = (input.channels, input.width + 2);
+    let channels = target.len() / count;
+    if let Some(bias) = bias {
+        for pixel in target.chunks_exact_mut(channels) {
+            pixel.copy_from_slice(&bias[..channels]);
+        }
+    }
+    for dy in 0..3 {
+        let corner = (start + dy * stride - stride - 1) * inputs;
+        add_product(
+            target,
+            View::strided(&input.data[corner..], (count, 3 * inputs), (inputs, 1)),
+            View::strided(
+                &weight[dy * 3 * inputs * row..],
+                (3 * inputs, channels),
+                (row, 1),
+            ),
+        );
+    }
+}
+
+fn convolve_deep(
+    input: &Padded,
+    weight: &[f32],
+    bias: Option<&[f32]>,
+    (first, count, outputs): (usize, usize, usize),
+    target: &mut [f32],
+) {
+    let width = outputs.div_ceil(DEEP_TASKS);
+    let pieces: Vec<(usize, Vec<f32>)> = (0..outputs)
+        .step_by(width)
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|from| {
+            let channels = width.min(outputs - from);
+            let mut piece = vec![0.0; count * channels];
+            let filters = (&weight[from..], outputs);
+            convolve_task(
+                input,
+                (first, count),
+                filters,
+                bias.map(|b| &b[from..]),
+                &mut piece,
+            );
+            (from, piece)
+        })
+        .collect();
+    for (from, piece) in pieces {
+        let channels = piece.len() / count;
+        for (pixel, values) in target
+            .chunks_exact_mut(outputs)
+            .zip(piece.chunks_exact(channels))
+        {
+            pixel[from..from + channels].copy_from_slice(values);
+        }
+    }
 }
 
 fn relu(image: &mut Padded) {
