@@ -45,6 +45,10 @@ pub struct StyleConfig {
     pub rate: f32,
     /// Learning rate of the canvas encoding.
     pub canvas_rate: f32,
+    /// Updates over which the rates rise to their full size. One number of a hypernetwork's hidden
+    /// layer moves thousands of predicted weights: full steps while Adam's moments are young drive
+    /// all colours into the sigmoid's flat ends, where no gradient brings them back.
+    pub warm_up: u64,
     /// Rates end at this part of their start.
     pub final_rate: f32,
     /// Height and width of a patch.
@@ -142,8 +146,9 @@ impl TrainConfig {
                 style_weight: 15.0,
                 content_weight: 1.0,
                 photo_weight: 0.0,
-                rate: 1e-3,
-                canvas_rate: 1e-2,
+                rate: 2e-4,
+                canvas_rate: 5e-3,
+                warm_up: 200,
                 final_rate: 0.1,
                 patch: [67, 81],
                 strides: PatchStrides::Scale([0.8, 1.4]),

@@ -68,6 +68,7 @@ pub struct StyleStage {
     sampler: PatchSampler,
     rng: Pcg64,
     device: Device,
+    updates: u64,
 }
 
 /// What one step did.
@@ -126,6 +127,7 @@ impl StyleStage {
             hyper_params,
             rng,
             device: device.clone(),
+            updates: 0,
         }
     }
 
@@ -224,7 +226,7 @@ impl StyleStage {
         [height, width]: [usize; 2],
         clock: &Clock,
     ) -> (f64, f64, f64) {
-        let settings = &self.config.style;
+        let settings = self.config.style.clone();
         let model = self.model(AdamParam::tracked);
         let tracked = self.device.clone().autodiff();
         let appearance = model.appearance(&self.config, &style.code, &tracked);
@@ -243,6 +245,7 @@ impl StyleStage {
             );
             loss = loss + (colours - photo).square().mean() * settings.photo_weight;
         }
+        self.updates += 1;
         let mut gradients = loss.backward();
         let mut taken = |leaf: &Tensor<1>| leaf.grad_remove(&mut gradients);
         let layers = model.weights.iter().flat_map(|w| &w.0);
@@ -251,7 +254,8 @@ impl StyleStage {
         let canvas: Vec<_> = canvas.map(&mut taken).collect();
         // Adam works in place only on what nobody else holds.
         drop((model, appearance));
-        let fade = settings.final_rate.powf(clock.progress() as f32);
+        let warm = (self.updates as f32 / settings.warm_up.max(1) as f32).min(1.0);
+        let fade = settings.final_rate.powf(clock.progress() as f32) * warm;
         for (param, grad) in self.hyper_params.iter_mut().flatten().zip(hyper) {
             if let Some(grad) = grad {
                 param.step(grad, settings.rate * fade, false);

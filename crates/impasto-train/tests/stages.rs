@@ -32,6 +32,8 @@ fn small() -> TrainConfig {
     config.geometry.rays = [256, 1024];
     config.style.patch = [32, 40];
     config.style.least_weight = 1e-2;
+    config.style.warm_up = 10;
+    config.style.rate = 1e-3;
     config
 }
 
