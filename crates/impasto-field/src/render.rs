@@ -154,7 +154,7 @@ impl Field {
     }
 
     /// The samples that contribute at least `least` of the light, and the farthest of each ray. Of
-    /// a ray whose smaller samples add up to more than [`MOST_DROPPED`], as haze does, all those
+    /// a ray whose smaller samples add up to more than 2 % of the light, as haze does, all those
     /// that contribute a tenth of `least` are kept.
     pub fn contributing(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Samples {
         let light = self.light(weights, samples, least);

@@ -32,7 +32,7 @@ pub trait KernelOps: Backend {
     ) -> FloatTensor<Self>;
     /// See [`perceptual`].
     fn perceptual(image: FloatTensor<Self>, stack: Arc<PerceptualStack>) -> FloatTensor<Self>;
-    /// See [`adam`].
+    /// See [`AdamParam::step`].
     fn adam(
         #[extension_type] state: AdamState<Self>,
         grad: FloatTensor<Self>,
