@@ -66,8 +66,8 @@ impl Field {
         }
     }
 
-    /// Grids with every cell occupied that at least `views` of the given tests (one per camera,
-    /// true for a scene position it sees) accept.
+    /// Grids with every cell occupied whose centre `sees` accepts: `[x, y, z, 1]` inside the unit
+    /// ball, `[x', y', z', 1/r]` outside.
     pub fn visible_grids(&self, sees: impl Fn([f32; 4]) -> bool + Sync) -> Grids {
         use rayon::prelude::*;
         let sampling = &self.config.sampling;

@@ -84,14 +84,6 @@ impl Perceptual {
         Self::with_means(|layer| means.floats(layer))
     }
 
-    /// VGG-16 as trained, no filter rescaled.
-    ///
-    /// # Errors
-    /// If the asset is damaged.
-    pub fn vgg16_raw() -> Result<Self, StyleError> {
-        Self::with_means(|_| Ok(Vec::new()))
-    }
-
     fn with_means(
         means: impl Fn(&str) -> Result<Vec<f32>, StyleError>,
     ) -> Result<Self, StyleError> {
