@@ -8,6 +8,17 @@ use impasto_kernels::{Activation, MlpSpec, ops};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
+/// Where `app` is evaluated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shading {
+    /// At every sample (the paper's volume rendering).
+    Samples,
+    /// Once per ray and volume, on the samples' mean features and position. Several times cheaper,
+    /// and paint keeps its contrast where a surface is a haze of several samples.
+    Surface,
+}
+
 /// Sizes of `app`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -21,6 +32,8 @@ pub struct AppearanceConfig {
     /// A position encoding of `app`'s own, learned with it and shared by all styles: where brush
     /// strokes live that the smooth base features cannot place.
     pub canvas: Option<EncodingConfig>,
+    /// Where it is evaluated.
+    pub shading: Shading,
 }
 
 impl AppearanceConfig {
@@ -34,6 +47,10 @@ impl AppearanceConfig {
         MlpSpec::relu(&widths, self.layer_norm, Activation::Sigmoid)
     }
 }
+
+/// Size of a canvas's first entries: noise at all its scales, from which `app` can make strokes
+/// before the canvas itself has learned any.
+const FIRST_PAINT: f32 = 0.5;
 
 /// Weights of the canvas encoding in both volumes.
 #[derive(Debug, Clone)]
@@ -69,8 +86,8 @@ impl Appearance {
             inner: kaiming(&config.spec(features[0], 3), rng, device),
             outer: kaiming(&config.spec(features[1], 4), rng, device),
             canvas: config.canvas.as_ref().map(|c| Canvas {
-                inner: encoding_weights(c, rng, device),
-                outer: encoding_weights(c, rng, device),
+                inner: encoding_weights(c, FIRST_PAINT, rng, device),
+                outer: encoding_weights(c, FIRST_PAINT, rng, device),
             }),
             config,
         }

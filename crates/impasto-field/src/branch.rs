@@ -44,15 +44,19 @@ pub fn vector(data: Vec<f32>, device: &Device) -> Tensor<1> {
     Tensor::from_data(TensorData::new(data, [length]), device)
 }
 
-/// A hash table with entries uniform in ±1e-4, or a single unused number for other encodings.
+/// Size of a hash table's first entries (Müller et al. 2022).
+const FIRST_ENTRIES: f32 = 1e-4;
+
+/// A hash table with entries uniform in ±`size`, or a single unused number for other encodings.
 pub fn encoding_weights(
     config: &crate::EncodingConfig,
+    size: f32,
     rng: &mut Pcg64,
     device: &Device,
 ) -> Tensor<1> {
     let length = config.hash_grid().map_or(1, |g| g.params());
     vector(
-        (0..length).map(|_| rng.random_range(-1e-4..1e-4)).collect(),
+        (0..length).map(|_| rng.random_range(-size..size)).collect(),
         device,
     )
 }
@@ -81,7 +85,7 @@ impl Branch {
     /// Random weights.
     pub fn init(&self, rng: &mut Pcg64, device: &Device) -> BranchWeights {
         BranchWeights {
-            encoding: encoding_weights(&self.config.encoding, rng, device),
+            encoding: encoding_weights(&self.config.encoding, FIRST_ENTRIES, rng, device),
             base: kaiming(&self.base, rng, device),
             geo: kaiming(&self.geo, rng, device),
         }

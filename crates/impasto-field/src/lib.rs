@@ -5,6 +5,7 @@
 //! - [`branch`]: `base` and `geo` of one volume;
 //! - [`appearance`]: `app`, whose weights are data: learned for photos, predicted for paintings;
 //! - [`sampling`]: density-grid marching to packed samples;
+//! - `surface`: a ray's samples merged to one per volume, for cheap shading;
 //! - [`render`]: the one ray renderer that training, rendering and evaluation share.
 //!
 //! Styles are unknown here except as "weights of `app`".
@@ -17,8 +18,9 @@ pub mod field;
 pub mod render;
 pub mod sampling;
 pub mod sphere;
+mod surface;
 
-pub use appearance::{Appearance, AppearanceConfig, Canvas};
+pub use appearance::{Appearance, AppearanceConfig, Canvas, Shading};
 pub use branch::{Branch, BranchWeights};
 pub use config::{DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig};
 pub use field::{Field, FieldWeights, Grids};

@@ -1,6 +1,6 @@
 //! The one ray renderer: samples → features and density → colours → pixels.
 
-use crate::appearance::{Appearance, shade};
+use crate::appearance::{Appearance, AppearanceConfig, Shading, shade};
 use crate::field::{Field, FieldWeights, Grids};
 use crate::sampling::{RayBatch, Samples, march};
 use burn::tensor::Tensor;
@@ -17,12 +17,12 @@ pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 /// Everything about a batch of rays that does not depend on the style.
 #[derive(Debug, Clone)]
 pub struct Geometry {
-    samples: Samples,
-    layout: Arc<CompositeLayout>,
+    pub(crate) samples: Samples,
+    pub(crate) layout: Arc<CompositeLayout>,
     /// Features of the inner volume, absent when no ray has a sample there.
-    inner: Option<Tensor<2>>,
-    outer: Tensor<2>,
-    density: Tensor<1>,
+    pub(crate) inner: Option<Tensor<2>>,
+    pub(crate) outer: Tensor<2>,
+    pub(crate) density: Tensor<1>,
 }
 
 impl Geometry {
@@ -227,7 +227,16 @@ impl Field {
 }
 
 impl Geometry {
-    /// Colours every sample with `appearance` and composites.
+    /// What an appearance of this configuration is shaded on.
+    pub fn prepared(self, config: &AppearanceConfig) -> Self {
+        match config.shading {
+            Shading::Samples => self,
+            Shading::Surface => self.merged(),
+        }
+    }
+
+    /// Colours every sample with `appearance` and composites. The geometry must be
+    /// [`Self::prepared`] for it.
     ///
     /// # Shapes
     /// Result: `[rays, 6]` = RGB, opacity, Σ weight·depth, distortion.
@@ -309,7 +318,15 @@ pub fn render_rays(
         let samples = field.contributing(weights, &field.sample(&chunk, grids, None), SHADE_LEAST);
         let geometry = field.geometry(weights, samples);
         out.depth.extend(geometry.median_depth());
+        let surface = appearances
+            .iter()
+            .any(|a| a.config.shading == Shading::Surface)
+            .then(|| geometry.clone().merged());
         for (colours, appearance) in out.colours.iter_mut().zip(appearances) {
+            let geometry = match (appearance.config.shading, &surface) {
+                (Shading::Surface, Some(surface)) => surface,
+                _ => &geometry,
+            };
             let pixels = host(geometry.composite(appearance));
             for pixel in pixels.chunks_exact(CompositeLayout::outputs(3)) {
                 colours.extend(pixel[..3].iter().map(|c| c.clamp(0.0, 1.0)));

@@ -5,7 +5,7 @@ use burn::tensor::Device;
 use impasto_field::sphere::{from_outer_cube, outer_cube, outer_point};
 use impasto_field::{
     Appearance, AppearanceConfig, DensityActivation, EncodingConfig, Field, FieldConfig, Grids,
-    RayBatch, SamplingConfig, VolumeConfig, render_rays, sampling,
+    RayBatch, SamplingConfig, Shading, VolumeConfig, render::host, render_rays, sampling,
 };
 use impasto_kernels::OccupancyGrid;
 use rand::SeedableRng;
@@ -139,6 +139,7 @@ fn app() -> AppearanceConfig {
     AppearanceConfig {
         hidden: vec![16],
         layer_norm: true,
+        shading: Shading::Samples,
         view_bands: Some(2),
         canvas: Some(hash_grid()),
     }
@@ -162,6 +163,41 @@ fn light_followed_front_to_back_agrees_with_the_composite() {
         assert_eq!(kept.layout.rays.len(), 3);
         let last = kept.layout.rays[2].outer.end;
         assert_eq!(last, kept.len());
+    }
+}
+
+#[test]
+fn merged_samples_let_the_same_light_through_from_the_same_depth() {
+    let device = Device::flex();
+    let field = Field::new(config(&hash_grid()));
+    let mut rng = Pcg64::seed_from_u64(5);
+    let weights = field.init(&mut rng, &device);
+    let app = Appearance::init(app(), field.features(), &mut rng, &device);
+    for inner_is_empty in [false, true] {
+        let mut grids = full(&field);
+        if inner_is_empty {
+            grids.inner = empty(&grids.inner);
+        }
+        let geometry = field.geometry(&weights, field.sample(&rays(), &grids, Some(1)));
+        let surface = AppearanceConfig {
+            shading: Shading::Surface,
+            ..app.config.clone()
+        };
+        let merged = geometry.clone().prepared(&surface);
+        assert!(merged.samples() <= 2 * rays().len() && merged.samples() < geometry.samples());
+        let [all, few] = [&geometry, &merged].map(|g| host(g.composite(&app)));
+        for (all, few) in all.chunks_exact(6).zip(few.chunks_exact(6)) {
+            // Opacity and expected depth are linear in the samples, colour is not.
+            for i in [3, 4] {
+                let error = (all[i] - few[i]).abs() / all[i].abs().max(1.0);
+                assert!(error < 1e-3, "{few:?} instead of {all:?}");
+            }
+            assert!(few[..3].iter().all(|c| *c > 0.0 && *c < 1.0));
+        }
+        let again = host(merged.clone().prepared(&surface).composite(&app));
+        let once = host(merged.composite(&app));
+        let same = again.iter().zip(&once).all(|(a, b)| (a - b).abs() < 1e-3);
+        assert!(same, "merging twice changes nothing");
     }
 }
 

@@ -7,7 +7,9 @@
 use burn::tensor::Device;
 use image::RgbImage;
 use impasto_paintings::{Recipe, paint};
-use impasto_style::{Perceptual, Statistics, VaeTraining, picture, square_crop, train_vae};
+use impasto_style::{
+    Perceptual, Statistics, VaeTraining, picture, recolour, square_crop, train_vae,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -15,8 +17,8 @@ use std::path::Path;
 
 const SIDE: u32 = 160;
 const HELDOUT: usize = 20;
-const CROPS: usize = 6;
-const GENERATED: u64 = 500;
+const CROPS: usize = 14;
+const GENERATED: u64 = 1600;
 
 fn paintings(dir: &str) -> Vec<RgbImage> {
     let mut files: Vec<_> = std::fs::read_dir(Path::new(dir))
@@ -34,9 +36,9 @@ fn main() {
     let args: Vec<String> = std::env::args().collect();
     let (set, heldout) = statistics_sets(&args);
     let training = VaeTraining {
-        steps: args.get(4).map_or(2500, |s| s.parse().unwrap()),
+        steps: args.get(4).map_or(1200, |s| s.parse().unwrap()),
         batch: 64,
-        rate: 5e-4,
+        rate: 1e-4,
         divergence: 2e-3,
         reconstruction: 5.0,
         mixed: 0.5,
@@ -51,7 +53,7 @@ fn main() {
     });
     println!(
         "explained: {:.4} of training, {:.4} of held-out variance",
-        vae.explained(&set[..200]),
+        vae.explained(&set),
         vae.explained(&heldout)
     );
     std::fs::write(&args[1], vae.to_bytes().unwrap()).unwrap();
@@ -59,7 +61,7 @@ fn main() {
 
 /// Statistics of the training and of the held-out pictures, kept between runs in a temporary file.
 fn statistics_sets(args: &[String]) -> (Vec<Statistics>, Vec<Statistics>) {
-    let cache = std::env::temp_dir().join("impasto_style_statistics.bin");
+    let cache = std::env::temp_dir().join("impasto_style_statistics_2.bin");
     if let Ok(bytes) = std::fs::read(&cache) {
         let floats: Vec<f32> = bytes
             .as_chunks::<4>()
@@ -81,7 +83,7 @@ fn statistics_sets(args: &[String]) -> (Vec<Statistics>, Vec<Statistics>) {
             .statistics
     };
     let mut rng = Pcg64::seed_from_u64(7);
-    let mut set: Vec<Statistics> = Vec::new();
+    let mut crops = Vec::new();
     for painting in paintings(&args[2]) {
         for crop in 0..CROPS {
             let part = if crop == 0 {
@@ -93,9 +95,13 @@ fn statistics_sets(args: &[String]) -> (Vec<Statistics>, Vec<Statistics>) {
             if crop % 2 == 1 {
                 image::imageops::flip_horizontal_in_place(&mut image);
             }
-            set.push(statistics(&image));
+            if crop >= CROPS / 2 {
+                recolour(&mut image, &mut rng);
+            }
+            crops.push(image);
         }
     }
+    let mut set: Vec<Statistics> = crops.par_iter().map(statistics).collect();
     println!("{} crops of paintings", set.len());
     set.par_extend(
         (0..GENERATED)

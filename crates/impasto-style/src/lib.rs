@@ -3,6 +3,7 @@
 //! Knows nothing of photos' cameras or of scenes; it predicts "weights of `app`", whatever
 //! their use.
 
+mod components;
 mod error;
 mod hypernetwork;
 pub mod losses;
@@ -11,11 +12,13 @@ pub mod perceptual;
 mod picture;
 mod tensors;
 mod vae;
+mod vae_training;
 
 pub use error::StyleError;
 pub use hypernetwork::{Hypernetwork, HypernetworkWeights};
 pub use patch::{Patch, PatchSampler, PatchStrides};
 pub use perceptual::{Features, Perceptual, Statistics};
-pub use picture::{picture, square_crop};
+pub use picture::{picture, recolour, square_crop};
 pub use tensors::{TensorFile, write_f16};
-pub use vae::{StyleCode, StyleVae, VaeTraining, train_vae};
+pub use vae::{StyleCode, StyleVae};
+pub use vae_training::{VaeTraining, train_vae};

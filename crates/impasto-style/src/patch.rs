@@ -20,14 +20,14 @@ pub enum PatchStrides {
 /// Part of the largest stride that the paper's rule goes down to: ½ down, ⅓ across.
 const PAPER_LEAST: [usize; 2] = [2, 3];
 
-/// A grid of pixels: rows `top + i · down`, columns `left + j · across`, rounded down.
+/// A grid of cells: rows from `top + i · down`, columns from `left + j · across`, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Patch {
     /// Rows and columns of the grid.
     pub size: [usize; 2],
-    /// First row.
+    /// Upper edge.
     pub top: usize,
-    /// First column.
+    /// Left edge.
     pub left: usize,
     /// Row stride, at least 1.
     pub down: f32,
@@ -36,12 +36,15 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Row-major pixel indices in an image of the given width.
-    pub fn pixels(&self, width: usize) -> impl Iterator<Item = usize> + '_ {
-        let step = |i: usize, stride: f32| (i as f32 * stride) as usize;
-        (0..self.size[0]).flat_map(move |i| {
-            let row = (self.top + step(i, self.down)) * width + self.left;
-            (0..self.size[1]).map(move |j| row + step(j, self.across))
+    /// Points of the image plane, `[x, y]` in pixels: `times × times` in every cell, row by row of
+    /// the finer grid. Pixel (0, 0) covers `[0, 1) × [0, 1)`.
+    pub fn points(&self, times: usize) -> impl Iterator<Item = [f32; 2]> + '_ {
+        let at = move |start: usize, i: usize, stride: f32| {
+            start as f32 + (i as f32 + 0.5) / times as f32 * stride
+        };
+        (0..self.size[0] * times).flat_map(move |i| {
+            let y = at(self.top, i, self.down);
+            (0..self.size[1] * times).map(move |j| [at(self.left, j, self.across), y])
         })
     }
 }
@@ -78,7 +81,7 @@ impl PatchSampler {
             }
         };
         let mut offset = |axis: usize, stride: f32| {
-            let covered = ((self.size[axis] - 1) as f32 * stride) as usize + 1;
+            let covered = ((self.size[axis] as f32 * stride).ceil() as usize).min(extent[axis]);
             rng.random_range(0..=extent[axis] - covered)
         };
         Some(Patch {
@@ -104,6 +107,32 @@ mod tests {
         }
     }
 
+    /// Whether all points lie inside an image.
+    fn fits(patch: &Patch, times: usize, height: usize, width: usize) -> bool {
+        patch
+            .points(times)
+            .all(|[x, y]| x > 0.0 && x < width as f32 && y > 0.0 && y < height as f32)
+    }
+
+    #[test]
+    fn fine_points_fit_and_average_to_the_cells_middles() {
+        let mut rng = Pcg64::seed_from_u64(4);
+        for strides in [PatchStrides::Paper, PatchStrides::Scale([0.8, 1.4])] {
+            for (height, width) in [(67, 81), (244, 369), (369, 244), (700, 1000)] {
+                let patch = sampler(strides).draw(height, width, &mut rng).unwrap();
+                assert!(fits(&patch, 2, height, width) && fits(&patch, 1, height, width));
+                let fine: Vec<[f32; 2]> = patch.points(2).collect();
+                assert_eq!(fine.len(), 4 * 67 * 81);
+                let middle = patch.points(1).nth(81 + 1).unwrap();
+                let (above, below) = (2 * 162 + 2, 3 * 162 + 2);
+                for axis in [0, 1] {
+                    let four = [above, above + 1, below, below + 1].map(|i| fine[i][axis]);
+                    assert!((four.iter().sum::<f32>() / 4.0 - middle[axis]).abs() < 1e-3);
+                }
+            }
+        }
+    }
+
     #[test]
     fn the_papers_patches_fit_and_use_every_stride() {
         let mut rng = Pcg64::seed_from_u64(1);
@@ -112,10 +141,8 @@ mod tests {
             let patch = sampler(PatchStrides::Paper)
                 .draw(368, 244, &mut rng)
                 .unwrap();
-            assert_eq!(patch.pixels(244).count(), 67 * 81);
-            assert!(patch.pixels(244).max().unwrap() < 368 * 244);
-            let last_column = patch.left + 80 * patch.across as usize;
-            assert!(last_column < 244, "rows must not wrap around");
+            assert_eq!(patch.points(1).count(), 67 * 81);
+            assert!(fits(&patch, 1, 368, 244));
             strides.insert((patch.down as usize, patch.across as usize));
         }
         let expected = (2..=5).flat_map(|d| (1..=3).map(move |a| (d, a))).collect();
@@ -131,8 +158,7 @@ mod tests {
                     .draw(height, width, &mut rng)
                     .unwrap();
                 assert!(patch.down == patch.across && patch.down >= 1.0);
-                assert!(patch.left + ((80.0 * patch.across) as usize) < width);
-                assert!(patch.pixels(width).max().unwrap() < height * width);
+                assert!(fits(&patch, 1, height, width));
             }
         }
     }

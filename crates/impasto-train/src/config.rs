@@ -2,7 +2,8 @@
 
 use crate::TrainError;
 use impasto_field::{
-    AppearanceConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig,
+    AppearanceConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, Shading,
+    VolumeConfig,
 };
 use impasto_style::PatchStrides;
 use serde::{Deserialize, Serialize};
@@ -35,12 +36,20 @@ pub struct GeometryConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StyleConfig {
-    /// λ of the style loss.
+    /// λ of the style loss, for a painting at a typical distance from the photos; nearer and
+    /// farther ones are weighed so that all count alike.
     pub style_weight: f32,
     /// Weight of the content loss.
     pub content_weight: f32,
-    /// Weight of the squared difference to the photo.
+    /// Weight of the squared difference to the unstylised render.
     pub photo_weight: f32,
+    /// Share of the stage that first learns the unstylised render in the painting's colours, by
+    /// squared difference: cheaper than the perceptual network and less noisy, and what follows
+    /// departs from the place in the right palette.
+    pub palette_share: f32,
+    /// Learning rate of the hypernetworks in that share; a squared difference to the photo's own
+    /// colours needs no warm-up.
+    pub palette_rate: f32,
     /// Learning rate of the hypernetworks.
     pub rate: f32,
     /// Learning rate of the canvas encoding.
@@ -55,10 +64,16 @@ pub struct StyleConfig {
     pub patch: [usize; 2],
     /// How far apart a patch's pixels lie.
     pub strides: PatchStrides,
-    /// Styles trained per geometry pass of a patch.
-    pub styles_per_patch: usize,
+    /// Rays per pixel of a patch along each axis: paint that is finer than a pixel must not count.
+    pub supersampling: usize,
+    /// Updates per patch that is marched through the field.
+    pub patch_uses: u64,
+    /// Patches kept for further updates, about 10 MB each when shaded by surface.
+    pub pool: usize,
     /// Samples with less weight are left out.
     pub least_weight: f32,
+    /// Share of patches that are seen from between two photos instead of from one.
+    pub novel_views: f32,
     /// Hidden width of the hypernetworks.
     pub hyper_width: usize,
     /// Share of steps that train on a mix of two paintings' statistics.
@@ -118,6 +133,7 @@ impl TrainConfig {
                 layer_norm: false,
                 view_bands: Some(2),
                 canvas: None,
+                shading: Shading::Samples,
             },
             style_app: AppearanceConfig {
                 hidden: vec![64, 64],
@@ -130,6 +146,7 @@ impl TrainConfig {
                     coarsest: 24.0,
                     finest: 256.0,
                 }),
+                shading: Shading::Surface,
             },
             geometry: GeometryConfig {
                 samples: 60_000,
@@ -143,26 +160,33 @@ impl TrainConfig {
                 grid_every: 16,
             },
             style: StyleConfig {
-                style_weight: 15.0,
+                style_weight: 60.0,
                 content_weight: 1.0,
                 photo_weight: 0.0,
-                rate: 2e-4,
-                canvas_rate: 5e-3,
+                palette_share: 0.12,
+                palette_rate: 1e-3,
+                rate: 1e-3,
+                canvas_rate: 1e-2,
                 warm_up: 200,
                 final_rate: 0.1,
                 patch: [67, 81],
                 strides: PatchStrides::Scale([0.8, 1.4]),
-                styles_per_patch: 2,
+                supersampling: 2,
+                patch_uses: 32,
+                pool: 64,
                 least_weight: 5e-3,
+                novel_views: 0.5,
                 hyper_width: 64,
-                virtual_share: 0.3,
-                generated: 200,
+                virtual_share: 0.5,
+                generated: 300,
             },
             geometry_share: 0.3,
         }
     }
 }
 
+/// Rays of a patch are marched in one go.
+const MOST_PATCH_RAYS: usize = 1 << 18;
 /// Largest density grid: 256³ cells are 16 MB of flags.
 const LARGEST_GRID: usize = 256;
 
@@ -178,6 +202,7 @@ impl TrainConfig {
             g.network_rate,
             g.final_rate,
             s.rate,
+            s.palette_rate,
             s.canvas_rate,
             s.final_rate,
         ];
@@ -188,6 +213,11 @@ impl TrainConfig {
             s.content_weight,
             s.photo_weight,
         ];
+        let bands = [self.photo_app.view_bands, self.style_app.view_bands];
+        let side = |i: usize| s.patch[i].checked_mul(s.supersampling);
+        let rays = side(0)
+            .zip(side(1))
+            .and_then(|(rows, columns)| rows.checked_mul(columns));
         let share = |v: f32| (0.0..=1.0).contains(&v);
         let grid = |v: usize| (1..=LARGEST_GRID).contains(&v);
         let checks = [
@@ -220,6 +250,26 @@ impl TrainConfig {
                 "8 to 1024 a side",
             ),
             ("style.virtual_share", share(s.virtual_share), "0 to 1"),
+            (
+                "style.supersampling",
+                s.supersampling >= 1 && rays.is_some_and(|r| r <= MOST_PATCH_RAYS),
+                "at least 1, and at most 262144 rays a patch",
+            ),
+            ("style.pool", (1..=1024).contains(&s.pool), "1 to 1024"),
+            ("style.patch_uses", s.patch_uses >= 1, "at least 1"),
+            ("style.generated", s.generated <= 100_000, "at most 100000"),
+            (
+                "photo_app.shading",
+                self.photo_app.shading == Shading::Samples,
+                "samples: only styles are shaded by surface",
+            ),
+            (
+                "*.view_bands",
+                bands.iter().all(|b| b.is_none_or(|b| b <= 24)),
+                "at most 24",
+            ),
+            ("style.palette_share", share(s.palette_share), "0 to 1"),
+            ("style.novel_views", share(s.novel_views), "0 to 1"),
             ("style.least_weight", share(s.least_weight), "0 to 1"),
             (
                 "style.hyper_width",

@@ -1,6 +1,6 @@
 //! Photos as rays and target colours.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Mat3, Quat, Vec2, Vec3};
 use impasto_field::RayBatch;
 use impasto_scene::{Camera, Photo};
 use rand::RngExt;
@@ -54,7 +54,26 @@ impl CameraRays {
 
     /// Adds the ray through pixel `index` (row-major).
     pub fn push(&self, index: usize, batch: &mut RayBatch) {
-        let [x, y] = self.plane[index];
+        self.push_plane(self.plane[index], batch);
+    }
+
+    /// Adds the ray through a point of the image, `x` and `y` in pixels, linear between pixel
+    /// centres; points nearer to the border than any centre go through the outermost centres.
+    pub fn push_at(&self, [x, y]: [f32; 2], batch: &mut RayBatch) {
+        let place = |at: f32, size: usize| {
+            let at = (at - 0.5).clamp(0.0, (size - 1) as f32);
+            let low = at as usize;
+            (low, (low + 1).min(size - 1), at - low as f32)
+        };
+        let ((left, right, across), (top, bottom, down)) =
+            (place(x, self.width), place(y, self.height));
+        let corner = |row: usize, column: usize| Vec2::from(self.plane[row * self.width + column]);
+        let upper = corner(top, left).lerp(corner(top, right), across);
+        let lower = corner(bottom, left).lerp(corner(bottom, right), across);
+        self.push_plane(upper.lerp(lower, down).to_array(), batch);
+    }
+
+    fn push_plane(&self, [x, y]: [f32; 2], batch: &mut RayBatch) {
         let [a, b, c] = self.rotation;
         batch.push(self.origin, [0, 1, 2].map(|i| x * a[i] + y * b[i] + c[i]));
     }
@@ -64,6 +83,31 @@ impl CameraRays {
         let mut batch = RayBatch::default();
         (0..self.plane.len()).for_each(|i| self.push(i, &mut batch));
         batch
+    }
+
+    /// The view `share` of the way to another camera, through this one's lens.
+    pub fn towards(&self, other: &Self, share: f32) -> Self {
+        let turn = |rays: &Self| {
+            let [x, y, z] = rays.rotation.map(Vec3::from_array);
+            Quat::from_mat3(&Mat3::from_cols(x, y, z))
+        };
+        let rotation = Mat3::from_quat(turn(self).slerp(turn(other), share));
+        let origin = Vec3::from(self.origin).lerp(other.origin.into(), share);
+        Self {
+            origin: origin.to_array(),
+            rotation: rotation.to_cols_array_2d(),
+            ..self.clone()
+        }
+    }
+
+    /// Cosine of the angle between two cameras' axes.
+    pub fn alignment(&self, other: &Self) -> f32 {
+        Vec3::from(self.rotation[2]).dot(other.rotation[2].into())
+    }
+
+    /// Distance between two cameras, scene units.
+    pub fn distance(&self, other: &Self) -> f32 {
+        Vec3::from(self.origin).distance(other.origin.into())
     }
 
     /// Image size: width, height.
@@ -160,4 +204,64 @@ pub fn draw(
         targets.push(photo, pixel, None);
     }
     targets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use impasto_scene::{Distortion, Intrinsics};
+
+    fn camera(at: DVec3, yaw: f64) -> CameraRays {
+        let camera = Camera {
+            camera_to_world: glam::DMat4::from_rotation_translation(
+                glam::DQuat::from_rotation_y(yaw),
+                at,
+            ),
+            intrinsics: Intrinsics {
+                width: 8,
+                height: 6,
+                fl_x: 10.0,
+                fl_y: 10.0,
+                cx: 4.0,
+                cy: 3.0,
+                distortion: Distortion::default(),
+            },
+        };
+        CameraRays::new(&camera, None)
+    }
+
+    #[test]
+    fn a_view_between_two_cameras_stands_and_looks_between_them() {
+        let (one, other) = (camera(DVec3::ZERO, 0.0), camera(DVec3::X, 1.0));
+        let wanted = camera(DVec3::X * 0.25, 0.25).all();
+        let found = one.towards(&other, 0.25).all();
+        let pairs = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+            a.iter()
+                .zip(b)
+                .all(|(a, b)| Vec3::from(*a).distance(Vec3::from(*b)) < 1e-5)
+        };
+        assert!(pairs(&found.origins, &wanted.origins));
+        assert!(pairs(&found.directions, &wanted.directions));
+        assert_eq!(one.distance(&other), 1.0);
+        assert!((one.alignment(&other) - 1f32.cos()).abs() < 1e-5);
+    }
+
+    #[test]
+    fn rays_between_pixel_centres_are_linear() {
+        let rays = camera(DVec3::ZERO, 0.3);
+        let all = rays.all().directions;
+        let mut found = RayBatch::default();
+        for point in [[2.5, 1.5], [3.0, 1.5], [0.0, 0.0], [8.0, 6.0]] {
+            rays.push_at(point, &mut found);
+        }
+        let near = |a: [f32; 3], b: Vec3| assert!(Vec3::from(a).distance(b) < 1e-6, "{a:?} {b:?}");
+        let direction = |i: usize| Vec3::from(all[i]);
+        near(found.directions[0], direction(8 + 2));
+        near(
+            found.directions[1],
+            (direction(8 + 2) + direction(8 + 3)) / 2.0,
+        );
+        near(found.directions[2], direction(0));
+        near(found.directions[3], direction(47));
+    }
 }

@@ -2,15 +2,14 @@
 //! depend on the camera only.
 
 use crate::budget::Clock;
-use crate::config::{StyleConfig, TrainConfig};
+use crate::config::TrainConfig;
+use crate::patches::{Frozen, FrozenPatch, PatchPool};
 use crate::rays::PhotoRays;
-use crate::styles::{STYLE_SIDE, Style};
+use crate::styles::Style;
 use burn::tensor::{Device, Tensor, TensorData};
-use impasto_field::{Appearance, Canvas, Field, FieldWeights, Geometry, Grids, RayBatch};
+use impasto_field::{Appearance, Canvas, Field};
 use impasto_kernels::ops::AdamParam;
-use impasto_style::{
-    Features, Hypernetwork, Patch, PatchSampler, Perceptual, StyleCode, StyleError, losses,
-};
+use impasto_style::{Hypernetwork, Perceptual, StyleCode, StyleError, losses};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -55,9 +54,7 @@ impl StyleModel {
 /// Hypernetworks in training.
 pub struct StyleStage {
     config: TrainConfig,
-    field: Field,
-    frozen: (FieldWeights, Grids),
-    photos: Vec<PhotoRays>,
+    patches: PatchPool,
     styles: Vec<Style>,
     vae: impasto_style::StyleVae,
     vgg: Perceptual,
@@ -65,9 +62,9 @@ pub struct StyleStage {
     /// Per volume, per predicted layer.
     hyper_params: [Vec<AdamParam>; 2],
     canvas: Option<[AdamParam; 2]>,
-    sampler: PatchSampler,
     rng: Pcg64,
     device: Device,
+    /// Updates with perceptual losses so far.
     updates: u64,
 }
 
@@ -76,21 +73,24 @@ pub struct StyleStage {
 pub struct StyleReport {
     /// Total loss.
     pub loss: f64,
-    /// Content loss.
+    /// Content loss, zero while the palette is learned.
     pub content: f64,
-    /// Style loss.
+    /// Style loss, zero while the palette is learned.
     pub style: f64,
-    /// Rays used.
+    /// Rays painted.
     pub rays: usize,
 }
 
 impl StyleStage {
     /// Prepares training on frozen geometry.
+    ///
+    /// # Panics
+    /// In [`Self::step`], if there is no photo or no style.
     #[allow(clippy::too_many_arguments)]
     pub fn new(
         config: &TrainConfig,
         field: Field,
-        frozen: (FieldWeights, Grids),
+        frozen: Frozen,
         photos: Vec<PhotoRays>,
         (vgg, vae): (Perceptual, impasto_style::StyleVae),
         styles: Vec<Style>,
@@ -111,15 +111,8 @@ impl StyleStage {
             Appearance::init(config.style_app.clone(), field.features(), &mut rng, device).canvas;
         Self {
             canvas: canvas.map(|c| [AdamParam::new(c.inner), AdamParam::new(c.outer)]),
-            sampler: PatchSampler {
-                size: config.style.patch,
-                strides: config.style.strides,
-                reference: STYLE_SIDE as usize,
-            },
+            patches: PatchPool::new((&config.style, &config.style_app), field, frozen, photos),
             config: config.clone(),
-            field,
-            frozen,
-            photos,
             styles,
             vae,
             vgg,
@@ -152,57 +145,14 @@ impl StyleStage {
         }
     }
 
-    /// One optimiser step: one patch, one or more styles.
+    /// One optimiser step: one patch, one style.
     ///
     /// # Errors
-    /// If the patch is too small for the perceptual network.
+    /// If a photo is smaller than a patch, or the patch too small for the perceptual network.
     pub fn step(&mut self, clock: &Clock) -> Result<StyleReport, StyleError> {
-        let settings = self.config.style.clone();
-        let (photo, patch) = self.draw_patch(&settings)?;
-        let photo = &self.photos[photo];
-        let (_, width) = (patch.size[0], photo.rays.size().0);
-        let mut rays = RayBatch::default();
-        let mut pixels = Vec::with_capacity(patch.size[0] * patch.size[1] * 3);
-        for index in patch.pixels(width) {
-            photo.rays.push(index, &mut rays);
-            pixels.extend(&photo.pixels[index * 3..index * 3 + 3]);
-        }
-        let (weights, grids) = &self.frozen;
-        let samples = self.field.sample(&rays, grids, Some(self.rng.random()));
-        let samples = self
-            .field
-            .contributing(weights, &samples, settings.least_weight);
-        let geometry = self.field.geometry(weights, samples).lifted();
-        let content = self.vgg.features(&pixels, patch.size[0], patch.size[1])?;
-        let mut report = StyleReport {
-            loss: 0.0,
-            content: 0.0,
-            style: 0.0,
-            rays: rays.len(),
-        };
-        for _ in 0..settings.styles_per_patch.max(1) {
-            let style = self.draw_style(settings.virtual_share);
-            let one = self.descend(&geometry, (&content, &pixels), &style, patch.size, clock);
-            report.loss += one.0;
-            report.content += one.1;
-            report.style += one.2;
-        }
-        let count = settings.styles_per_patch.max(1) as f64;
-        report.loss /= count;
-        report.content /= count;
-        report.style /= count;
-        Ok(report)
-    }
-
-    fn draw_patch(&mut self, settings: &StyleConfig) -> Result<(usize, Patch), StyleError> {
-        let photo = self.rng.random_range(0..self.photos.len());
-        let (width, height) = self.photos[photo].rays.size();
-        let patch = self.sampler.draw(height, width, &mut self.rng);
-        patch.map(|p| (photo, p)).ok_or(StyleError::TooSmall {
-            width,
-            height,
-            least: settings.patch[0].max(settings.patch[1]),
-        })
+        let style = self.draw_style(self.config.style.virtual_share);
+        let patch = self.patches.draw(&self.vgg, &mut self.rng)?;
+        Ok(self.descend(&patch, &style, clock))
     }
 
     /// A painting, or a mix of two: the loss needs statistics only, and the code that belongs to
@@ -213,40 +163,31 @@ impl StyleStage {
             return one;
         }
         let other = &self.styles[self.rng.random_range(0..self.styles.len())];
-        let statistics = one.statistics.mixed(&other.statistics, self.rng.random());
-        let code = self.vae.encode(&statistics);
-        Style { statistics, code }
+        let share = self.rng.random();
+        let statistics = one.statistics.mixed(&other.statistics, share);
+        Style {
+            code: self.vae.encode(&statistics),
+            target: one.target.mixed(&other.target, share),
+            palette: one.palette.mixed(&other.palette, share),
+            statistics,
+        }
     }
 
-    fn descend(
-        &mut self,
-        geometry: &Geometry,
-        (content, pixels): (&Features, &[f32]),
-        style: &Style,
-        [height, width]: [usize; 2],
-        clock: &Clock,
-    ) -> (f64, f64, f64) {
-        let settings = self.config.style.clone();
+    fn descend(&mut self, patch: &FrozenPatch, style: &Style, clock: &Clock) -> StyleReport {
         let model = self.model(AdamParam::tracked);
         let tracked = self.device.clone().autodiff();
         let appearance = model.appearance(&self.config, &style.code, &tracked);
-        let colours = geometry
-            .composite(&appearance)
-            .slice([0..height * width, 0..3]);
-        let traced = self.vgg.traced(colours.clone().reshape([height, width, 3]));
-        let (content_loss, style_loss) =
-            losses::content_and_style(&traced, content, &style.statistics);
-        let mut loss = content_loss.clone() * settings.content_weight
-            + style_loss.clone() * settings.style_weight;
-        if settings.photo_weight > 0.0 {
-            let photo = Tensor::from_data(
-                TensorData::new(pixels.to_vec(), [height * width, 3]),
-                &tracked,
-            );
-            loss = loss + (colours - photo).square().mean() * settings.photo_weight;
-        }
-        self.updates += 1;
-        let mut gradients = loss.backward();
+        let colours = self.patches.averaged(patch.geometry.composite(&appearance));
+        let losses = if clock.progress() < f64::from(self.config.style.palette_share) {
+            self.palette_loss(colours, patch, style)
+        } else {
+            if self.updates == 0 {
+                self.forget_moments();
+            }
+            self.updates += 1;
+            self.perceptual_losses(colours, patch, style)
+        };
+        let mut gradients = losses.total.backward();
         let mut taken = |leaf: &Tensor<1>| leaf.grad_remove(&mut gradients);
         let layers = model.weights.iter().flat_map(|w| &w.0);
         let hyper: Vec<_> = layers.map(&mut taken).collect();
@@ -254,19 +195,88 @@ impl StyleStage {
         let canvas: Vec<_> = canvas.map(&mut taken).collect();
         // Adam works in place only on what nobody else holds.
         drop((model, appearance));
-        let warm = (self.updates as f32 / settings.warm_up.max(1) as f32).min(1.0);
-        let fade = settings.final_rate.powf(clock.progress() as f32) * warm;
+        let (rate, canvas_rate) = self.rates(clock);
         for (param, grad) in self.hyper_params.iter_mut().flatten().zip(hyper) {
             if let Some(grad) = grad {
-                param.step(grad, settings.rate * fade, false);
+                param.step(grad, rate, false);
             }
         }
         for (param, grad) in self.canvas.iter_mut().flatten().zip(canvas) {
             if let Some(grad) = grad {
-                param.step(grad, settings.canvas_rate * fade, true);
+                param.step(grad, canvas_rate, true);
             }
         }
-        let number = |t: Tensor<1>| f64::from(t.inner().into_scalar::<f32>());
-        (number(loss), number(content_loss), number(style_loss))
+        losses.report(patch.geometry.layout().rays.len())
     }
+
+    /// Squared difference to the photo in the painting's colours.
+    fn palette_loss(&self, colours: Tensor<3>, patch: &FrozenPatch, style: &Style) -> Losses {
+        let recolouring = self.patches.palette().recolouring(&style.palette);
+        Losses {
+            total: difference(colours, recolouring.apply(&patch.pixels)),
+            content: None,
+            style: None,
+        }
+    }
+
+    fn perceptual_losses(&self, colours: Tensor<3>, patch: &FrozenPatch, style: &Style) -> Losses {
+        let settings = &self.config.style;
+        let traced = self.vgg.traced(colours.clone());
+        let (content, likeness) =
+            losses::content_and_style(&traced, &patch.features, &style.target);
+        let style_weight = settings.style_weight * self.patches.ease(&style.target);
+        let mut total = content.clone() * settings.content_weight + likeness.clone() * style_weight;
+        if settings.photo_weight > 0.0 {
+            total = total + difference(colours, patch.pixels.clone()) * settings.photo_weight;
+        }
+        Losses {
+            total,
+            content: Some(content),
+            style: Some(likeness),
+        }
+    }
+
+    /// Adam's moments of the palette updates are useless for perceptual losses, whose gradients
+    /// are thousands of times larger.
+    fn forget_moments(&mut self) {
+        let fresh = |p: &mut AdamParam| *p = AdamParam::new(p.value());
+        self.hyper_params.iter_mut().flatten().for_each(fresh);
+        self.canvas.iter_mut().flatten().for_each(fresh);
+    }
+
+    /// Learning rates of the hypernetworks and of the canvas for the current update.
+    fn rates(&self, clock: &Clock) -> (f32, f32) {
+        let settings = &self.config.style;
+        if self.updates == 0 {
+            return (settings.palette_rate, 0.0);
+        }
+        let warm = (self.updates as f32 / settings.warm_up.max(1) as f32).min(1.0);
+        let fade = settings.final_rate.powf(clock.progress() as f32) * warm;
+        (settings.rate * fade, settings.canvas_rate * fade)
+    }
+}
+
+/// Losses of one update, in its graph.
+struct Losses {
+    total: Tensor<1>,
+    content: Option<Tensor<1>>,
+    style: Option<Tensor<1>>,
+}
+
+impl Losses {
+    fn report(self, rays: usize) -> StyleReport {
+        let number = |t: Tensor<1>| f64::from(t.inner().into_scalar::<f32>());
+        StyleReport {
+            loss: number(self.total),
+            content: self.content.map_or(0.0, number),
+            style: self.style.map_or(0.0, number),
+            rays,
+        }
+    }
+}
+
+/// Mean squared difference to pixels of the same shape.
+fn difference(colours: Tensor<3>, pixels: Vec<f32>) -> Tensor<1> {
+    let wanted = Tensor::from_data(TensorData::new(pixels, colours.dims()), &colours.device());
+    (colours - wanted).square().mean()
 }

@@ -1,9 +1,11 @@
 //! The paintings that a run learns from: statistics and codes, computed once.
 
+use crate::palette::Palette;
 use image::RgbImage;
+use image::imageops::crop_imm;
 use impasto_paintings::{Recipe, paint};
 use impasto_style::{
-    Perceptual, Statistics, StyleCode, StyleError, StyleVae, picture, square_crop,
+    Perceptual, Statistics, StyleCode, StyleError, StyleVae, picture, recolour, square_crop,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -14,7 +16,7 @@ use std::time::Instant;
 /// Side of the square pictures that statistics are taken of.
 pub const STYLE_SIDE: u32 = 160;
 /// Random crops per painting, beside the whole.
-const CROPS: u64 = 4;
+const CROPS: u64 = 8;
 /// Smallest share of the side that a random crop keeps: smaller crops have larger strokes.
 const LEAST_CROP: f32 = 0.5;
 /// Share of random crops whose colours are changed: palettes vary more than 100 paintings do.
@@ -25,9 +27,14 @@ pub const FIRST_GENERATED: u64 = 10_000;
 /// A painting as training sees it.
 #[derive(Debug, Clone)]
 pub struct Style {
-    /// Its statistics.
+    /// Statistics of the whole picture: what its code is made of.
     pub statistics: Statistics,
-    /// The code that belongs to them.
+    /// Mean statistics of patch-sized windows: what a patch can be compared with. A window has
+    /// less variety than the whole, and more border for its pixels.
+    pub target: Statistics,
+    /// Its colours.
+    pub palette: Palette,
+    /// The code.
     pub code: StyleCode,
 }
 
@@ -84,7 +91,35 @@ fn statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleEr
     Ok(vgg.features(&picture(square), side, side)?.statistics)
 }
 
-/// Statistics and codes of all paintings (whole and random crops) and of `generated` pictures.
+/// Mean statistics of windows of `height × width` pixels that cover the picture.
+fn window_statistics(
+    vgg: &Perceptual,
+    square: &RgbImage,
+    patch: [usize; 2],
+) -> Result<Statistics, StyleError> {
+    let side = STYLE_SIDE as usize;
+    let [height, width] = patch.map(|p| p.clamp(1, side));
+    let starts = |size: usize| {
+        let count = side.div_ceil(size);
+        (0..count).map(move |i| (side - size) * i / (count - 1).max(1))
+    };
+    let mut sum = vec![0.0; Statistics::LEN];
+    let mut windows = 0.0;
+    for top in starts(height) {
+        for left in starts(width) {
+            let size = (width as u32, height as u32);
+            let window = crop_imm(square, left as u32, top as u32, size.0, size.1).to_image();
+            let statistics = vgg.features(&picture(&window), height, width)?.statistics;
+            sum.iter_mut().zip(&statistics.0).for_each(|(s, x)| *s += x);
+            windows += 1.0;
+        }
+    }
+    sum.iter_mut().for_each(|s| *s /= windows);
+    Ok(Statistics(sum))
+}
+
+/// Statistics and codes of all paintings (whole and random crops) and of `generated` pictures, to
+/// be painted on patches of `patch` = `[height, width]` pixels.
 ///
 /// With a `deadline`, generated pictures and crops still missing then are left out; the whole
 /// paintings always come first.
@@ -93,40 +128,80 @@ fn statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleEr
 /// If the network refuses a picture.
 pub fn style_set(
     (vgg, vae): (&Perceptual, &StyleVae),
+    patch: [usize; 2],
     paintings: &[(String, RgbImage)],
     generated: usize,
     seed: u64,
     deadline: Option<Instant>,
 ) -> Result<Vec<Style>, StyleError> {
-    let jobs: Vec<Job> = (0..=CROPS)
-        .flat_map(|crop| (0..paintings.len()).map(move |painting| Job::Crop { painting, crop }))
-        .collect();
-    let (whole, crops) = jobs.split_at(paintings.len());
-    let made: Vec<Job> = (0..generated as u64).map(Job::Generated).collect();
-    let rest: Vec<Job> = interleaved(crops, &made);
-    let style = |job: &Job| {
-        let statistics = statistics(vgg, &job.square(paintings, seed))?;
-        let code = vae.encode(&statistics);
-        Ok(Style { statistics, code })
+    let crops = |which: std::ops::RangeInclusive<u64>| {
+        which
+            .flat_map(|crop| (0..paintings.len()).map(move |painting| Job::Crop { painting, crop }))
     };
-    let mut styles = whole
+    let made: Vec<Job> = (0..generated as u64).map(Job::Generated).collect();
+    let jobs: Vec<Job> = crops(0..=0)
+        .chain(interleaved(&crops(1..=CROPS).collect::<Vec<_>>(), &made))
+        .collect();
+    let measured: Vec<(Style, Statistics)> = jobs[..jobs.len().min(MEASURED)]
         .par_iter()
-        .map(style)
-        .collect::<Result<Vec<_>, StyleError>>()?;
-    for chunk in rest.chunks(BATCH) {
-        if deadline.is_some_and(|d| Instant::now() >= d) && styles.len() >= BATCH {
+        .map(|job| {
+            let square = job.square(paintings, seed);
+            let window = window_statistics(vgg, &square, patch)?;
+            Ok((described(vgg, vae, &square)?, window))
+        })
+        .collect::<Result<_, StyleError>>()?;
+    let shrinkage = shrinkage(&measured);
+    let mut styles: Vec<Style> = Vec::with_capacity(jobs.len());
+    styles.extend(measured.into_iter().map(|(style, _)| style));
+    let least = paintings.len().max(BATCH);
+    for chunk in jobs[styles.len()..].chunks(BATCH) {
+        if deadline.is_some_and(|d| Instant::now() >= d) && styles.len() >= least {
             break;
         }
-        styles.extend(
-            chunk
-                .par_iter()
-                .map(style)
-                .collect::<Result<Vec<_>, StyleError>>()?,
-        );
+        let more = chunk
+            .par_iter()
+            .map(|job| described(vgg, vae, &job.square(paintings, seed)))
+            .collect::<Result<Vec<_>, StyleError>>()?;
+        styles.extend(more);
+    }
+    for style in &mut styles {
+        let statistics = style.statistics.0.iter().zip(&shrinkage);
+        style.target = Statistics(statistics.map(|(x, s)| x * s).collect());
     }
     Ok(styles)
 }
 
+/// A picture as a style whose patches are taken to look like the whole.
+fn described(vgg: &Perceptual, vae: &StyleVae, square: &RgbImage) -> Result<Style, StyleError> {
+    let statistics = statistics(vgg, square)?;
+    Ok(Style {
+        code: vae.encode(&statistics),
+        target: statistics.clone(),
+        palette: Palette::of(picture(square).chunks_exact(3)),
+        statistics,
+    })
+}
+
+/// How each statistic changes, on average, from whole pictures to windows: measured on a few, it
+/// saves the windows of all others.
+fn shrinkage(measured: &[(Style, Statistics)]) -> Vec<f32> {
+    let sum = |get: fn(&(Style, Statistics)) -> &Statistics, i: usize| {
+        measured.iter().map(|m| get(m).0[i]).sum::<f32>()
+    };
+    (0..Statistics::LEN)
+        .map(|i| {
+            let (whole, window) = (sum(|m| &m.0.statistics, i), sum(|m| &m.1, i));
+            if whole > 0.0 {
+                (window / whole).clamp(0.5, 2.0)
+            } else {
+                1.0
+            }
+        })
+        .collect()
+}
+
+/// Pictures whose windows are measured.
+const MEASURED: usize = 24;
 /// Pictures made between two looks at the clock.
 const BATCH: usize = 8;
 
@@ -164,33 +239,6 @@ impl Job {
                 square
             }
         }
-    }
-}
-
-/// Turns hues, and changes saturation, contrast and brightness, by random amounts.
-fn recolour(image: &mut RgbImage, rng: &mut Pcg64) {
-    let (sin, cos) = rng.random_range(0.0..std::f32::consts::TAU).sin_cos();
-    let saturation = rng.random_range(0.4f32..1.5);
-    let contrast = rng.random_range(0.7f32..1.3);
-    let shift = rng.random_range(-25.0f32..25.0);
-    for pixel in image.pixels_mut() {
-        let [r, g, b] = pixel.0.map(f32::from);
-        // Luma and two opponent colours (YIQ), in which a hue is an angle.
-        let luma = 0.299 * r + 0.587 * g + 0.114 * b;
-        let i = 0.596 * r - 0.274 * g - 0.322 * b;
-        let q = 0.211 * r - 0.523 * g + 0.312 * b;
-        let (i, q) = (
-            saturation * (cos * i - sin * q),
-            saturation * (sin * i + cos * q),
-        );
-        let luma = (luma - 128.0) * contrast + 128.0 + shift;
-        let rgb = [
-            luma + 0.956 * i + 0.621 * q,
-            luma - 0.272 * i - 0.647 * q,
-            luma - 1.106 * i + 1.703 * q,
-        ];
-        // A float's cast to a byte saturates.
-        pixel.0 = rgb.map(|c| c.round() as u8);
     }
 }
 

@@ -7,6 +7,7 @@ use crate::geometry_stage::GeometryStage;
 use crate::log::Log;
 use crate::model::Model;
 use crate::model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
+use crate::patches::Frozen;
 use crate::rays::photo_rays;
 use crate::style_stage::StyleStage;
 use crate::styles::{Paintings, read_paintings, style_set};
@@ -402,6 +403,7 @@ impl Run<'_> {
         };
         let styles = style_set(
             (&vgg, &vae),
+            file.config.style.patch,
             &paintings.named,
             generated,
             self.options.seed,
@@ -415,7 +417,11 @@ impl Run<'_> {
         let budget = self.stage_budget(Stage::Style);
         let photos = photo_rays(self.scene.train().map(|(_, p)| p));
         let field = Field::new(file.config.field.clone());
-        let frozen = (file.weights.clone(), file.grids.clone());
+        let frozen = Frozen {
+            weights: file.weights.clone(),
+            grids: file.grids.clone(),
+            photo_app: file.photo_app.clone(),
+        };
         let mut stage = StyleStage::new(
             &file.config,
             field,

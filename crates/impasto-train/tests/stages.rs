@@ -3,14 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use burn::tensor::Device;
-use impasto_field::{EncodingConfig, Field};
+use impasto_field::{EncodingConfig, Field, Shading};
 use impasto_paintings::{Family, Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::{
-    Budget, Clock, Event, GeometryStage, Model, ModelFile, ModelScene, Quality, Stages, StyleStage,
-    TrainConfig, TrainOptions, photo_rays, style_set, train,
+    Budget, Clock, Event, Frozen, GeometryStage, Model, ModelFile, ModelScene, Quality, Stages,
+    StyleReport, StyleStage, TrainConfig, TrainOptions, photo_rays, style_set, train,
 };
 
 fn small() -> TrainConfig {
@@ -94,39 +94,73 @@ fn geometry_stage_learns_one_photo_by_heart() {
     );
 }
 
-#[test]
-fn style_stage_learns_one_painting_by_heart() {
+/// Losses of a style stage on one generated painting.
+fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     let (_dir, scene) = capture(2);
-    let config = small();
-    let file = reconstruct(&scene, &config, 120);
+    let file = reconstruct(&scene, config, 120);
     let (vgg, vae) = (Perceptual::vgg16().unwrap(), StyleVae::shipped().unwrap());
     let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
-    let mut styles = style_set((&vgg, &vae), &[("one".into(), painting)], 0, 1, None).unwrap();
+    let paintings = [("one".into(), painting)];
+    let mut styles = style_set((&vgg, &vae), config.style.patch, &paintings, 0, 1, None).unwrap();
     styles.truncate(1);
-    let photos = photo_rays(scene.train().map(|(_, p)| p));
-    let field = Field::new(config.field.clone());
-    let frozen = (file.weights, file.grids);
+    let frozen = Frozen {
+        weights: file.weights,
+        grids: file.grids,
+        photo_app: file.photo_app,
+    };
     let mut stage = StyleStage::new(
-        &config,
-        field,
+        config,
+        Field::new(config.field.clone()),
         frozen,
-        photos,
+        photo_rays(scene.train().map(|(_, p)| p)),
         (vgg, vae),
         styles,
         1,
         &Device::flex(),
     );
-    let mut clock = Clock::start(Budget::Steps(80));
-    let mut losses = Vec::new();
+    let mut clock = Clock::start(Budget::Steps(steps));
+    let mut reports = Vec::new();
     while !clock.is_over() {
-        losses.push(stage.step(&clock).unwrap().style);
+        reports.push(stage.step(&clock).unwrap());
         clock.steps += 1;
     }
-    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-    let (first, last) = (mean(&losses[..5]), mean(&losses[70..]));
+    reports
+}
+
+fn mean(reports: &[StyleReport], get: fn(&StyleReport) -> f64) -> f64 {
+    reports.iter().map(get).sum::<f64>() / reports.len() as f64
+}
+
+#[test]
+fn style_stage_learns_one_painting_by_heart() {
+    let mut config = small();
+    config.style.palette_share = 0.0;
+    for shading in [Shading::Samples, Shading::Surface] {
+        config.style_app.shading = shading;
+        let reports = paint_one(&config, 80);
+        let style = |part: &[StyleReport]| mean(part, |r| r.style);
+        let (first, last) = (style(&reports[..5]), style(&reports[70..]));
+        assert!(
+            last < 0.5 * first,
+            "{shading:?}: style loss went from {first:.3} to {last:.3}"
+        );
+    }
+}
+
+#[test]
+fn style_stage_starts_with_the_palette() {
+    let mut config = small();
+    config.style.palette_share = 1.0;
+    let reports = paint_one(&config, 60);
+    let loss = |part: &[StyleReport]| mean(part, |r| r.loss);
+    let (first, last) = (loss(&reports[..5]), loss(&reports[50..]));
     assert!(
-        last < 0.5 * first,
-        "style loss went from {first:.3} to {last:.3}"
+        last < 0.3 * first,
+        "squared difference went from {first:.4} to {last:.4}"
+    );
+    assert!(
+        reports.iter().all(|r| r.style == 0.0),
+        "no perceptual loss yet"
     );
 }
 

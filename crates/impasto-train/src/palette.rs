@@ -1,0 +1,131 @@
+//! Colours of pictures as mean and covariance, and the linear map between two of them.
+
+use glam::{DMat3, DVec3};
+
+/// Mean and covariance of RGB colours in `[0, 1]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Palette {
+    mean: DVec3,
+    covariance: DMat3,
+}
+
+/// An affine map of colours.
+#[derive(Debug, Clone, Copy)]
+pub struct Recolouring {
+    matrix: DMat3,
+    from: DVec3,
+    to: DVec3,
+}
+
+/// Variance that every colour direction has at least, so that grey pictures can be mapped.
+const LEAST_VARIANCE: f64 = 1e-4;
+/// Rounds of the square root's iteration, which doubles its digits in each.
+const ROUNDS: usize = 30;
+/// Contrast is multiplied by no more than this: noise would be, too.
+const MOST_GAIN: f64 = 3.0;
+
+impl Palette {
+    /// The palette of pixels, three numbers each.
+    pub fn of<'a>(pixels: impl Iterator<Item = &'a [f32]> + Clone) -> Self {
+        let colours = pixels.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
+        let count = (colours.clone().count() as f64).max(1.0);
+        let mean = colours.clone().sum::<DVec3>() / count;
+        let covariance = colours.fold(DMat3::ZERO, |sum, c| {
+            let d = c - mean;
+            sum + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
+        });
+        Self {
+            mean,
+            covariance: covariance * (1.0 / count)
+                + DMat3::from_diagonal(DVec3::splat(LEAST_VARIANCE)),
+        }
+    }
+
+    /// `self` and `other` mixed linearly, `share` of the latter.
+    pub fn mixed(&self, other: &Self, share: f32) -> Self {
+        let share = f64::from(share);
+        Self {
+            mean: self.mean.lerp(other.mean, share),
+            covariance: self.covariance * (1.0 - share) + other.covariance * share,
+        }
+    }
+
+    /// The linear map that gives colours of this palette the mean and covariance of `other` and
+    /// moves them least: Monge–Kantorovich (Pitié & Kokaram 2007).
+    pub fn recolouring(&self, other: &Self) -> Recolouring {
+        let root = square_root(self.covariance);
+        let inverse = root.inverse();
+        let between = square_root(root * other.covariance * root);
+        let matrix = inverse * between * inverse;
+        let gain = matrix
+            .to_cols_array()
+            .iter()
+            .fold(0.0f64, |most, x| most.max(x.abs()));
+        Recolouring {
+            matrix: matrix * (MOST_GAIN / gain.max(MOST_GAIN)),
+            from: self.mean,
+            to: other.mean,
+        }
+    }
+}
+
+impl Recolouring {
+    /// The mapped colours, clamped to `[0, 1]`.
+    pub fn apply(&self, pixels: &[f32]) -> Vec<f32> {
+        pixels
+            .chunks_exact(3)
+            .flat_map(|p| {
+                let colour = DVec3::new(p[0].into(), p[1].into(), p[2].into());
+                let mapped = self.matrix * (colour - self.from) + self.to;
+                mapped.clamp(DVec3::ZERO, DVec3::ONE).as_vec3().to_array()
+            })
+            .collect()
+    }
+}
+
+/// The principal square root of a positive definite matrix (Denman–Beavers iteration).
+fn square_root(matrix: DMat3) -> DMat3 {
+    let (mut y, mut z) = (matrix, DMat3::IDENTITY);
+    for _ in 0..ROUNDS {
+        (y, z) = ((y + z.inverse()) * 0.5, (z + y.inverse()) * 0.5);
+    }
+    y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    fn colours(seed: u64, spread: [f32; 3]) -> Vec<f32> {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        (0..3000)
+            .flat_map(|_| {
+                let common: f32 = rng.random();
+                [0, 1, 2].map(|c| 0.3 + spread[c] * (common + 0.5 * rng.random::<f32>()))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn recoloured_pixels_have_the_other_palette() {
+        let (photo, painting) = (colours(1, [0.1, 0.2, 0.3]), colours(2, [0.3, 0.1, 0.2]));
+        let palette = |pixels: &[f32]| Palette::of(pixels.chunks_exact(3));
+        let wanted = palette(&painting);
+        let found = palette(&palette(&photo).recolouring(&wanted).apply(&photo));
+        assert!((found.mean - wanted.mean).length() < 1e-3);
+        let far = (found.covariance - wanted.covariance).to_cols_array();
+        assert!(far.iter().all(|d| d.abs() < 2e-3), "{far:?}");
+    }
+
+    #[test]
+    fn one_colour_and_no_pixel_give_finite_maps() {
+        let grey = Palette::of([0.5f32; 30].chunks_exact(3));
+        let none = Palette::of(std::iter::empty());
+        for (a, b) in [(grey, none), (none, grey), (grey, grey)] {
+            let mapped = a.recolouring(&b).apply(&[0.2, 0.5, 0.9]);
+            assert!(mapped.iter().all(|c| (0.0..=1.0).contains(c)));
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! Patches of photos with their frozen geometry, drawn again and again.
+
+use crate::config::StyleConfig;
+use crate::palette::Palette;
+use crate::rays::{CameraRays, PhotoRays};
+use crate::styles::STYLE_SIDE;
+use burn::tensor::Tensor;
+use impasto_field::render::host;
+use impasto_field::{Appearance, AppearanceConfig, Field, FieldWeights, Geometry, Grids, RayBatch};
+use impasto_style::{Features, PatchSampler, Perceptual, Statistics, StyleError};
+use rand::RngExt;
+use rand_pcg::Pcg64;
+use std::sync::Arc;
+
+/// What the geometry stage left, never changed again.
+#[derive(Debug, Clone)]
+pub struct Frozen {
+    /// Weights of both volumes.
+    pub weights: FieldWeights,
+    /// Density grids.
+    pub grids: Grids,
+    /// The look of the photos.
+    pub photo_app: Appearance,
+}
+
+/// One patch: all that a style update needs and that no style changes.
+#[derive(Debug)]
+pub struct FrozenPatch {
+    /// Samples with features and densities, constants of an autodiff graph.
+    pub geometry: Geometry,
+    /// What the perceptual network says of the unstylised render.
+    pub features: Features,
+    /// The unstylised render, row-major.
+    pub pixels: Vec<f32>,
+}
+
+/// One pixel in this many is enough to know the photos' colours.
+const PALETTE_STEP: usize = 17;
+
+/// Style distance between photos and a painting, as seen for captures of streets and gardens and
+/// for 100 paintings.
+const TYPICAL_DISTANCE: f32 = 0.8;
+/// Paintings nearer to the photos than this count no more than one at this distance.
+const LEAST_DISTANCE: f32 = 0.2;
+
+/// Marching rays through the field costs more than a style update does, so each patch is used
+/// several times, with other patches in between.
+#[derive(Debug)]
+pub struct PatchPool {
+    field: Field,
+    frozen: Frozen,
+    photos: Vec<PhotoRays>,
+    /// The nearest other photos of each.
+    neighbours: Vec<Vec<usize>>,
+    novel_views: f64,
+    supersampling: usize,
+    sampler: PatchSampler,
+    app: AppearanceConfig,
+    least_weight: f32,
+    capacity: usize,
+    uses: u64,
+    palette: Palette,
+    kept: Vec<Arc<FrozenPatch>>,
+    drawn: u64,
+    made: u64,
+}
+
+impl PatchPool {
+    /// An empty pool.
+    pub fn new(
+        (settings, app): (&StyleConfig, &AppearanceConfig),
+        field: Field,
+        frozen: Frozen,
+        photos: Vec<PhotoRays>,
+    ) -> Self {
+        let all = photos.iter().flat_map(|p| p.pixels.chunks_exact(3));
+        Self {
+            palette: Palette::of(all.step_by(PALETTE_STEP)),
+            neighbours: neighbours(&photos),
+            novel_views: settings.novel_views.into(),
+            supersampling: settings.supersampling,
+            field,
+            frozen,
+            photos,
+            sampler: PatchSampler {
+                size: settings.patch,
+                strides: settings.strides,
+                reference: STYLE_SIDE as usize,
+            },
+            app: app.clone(),
+            least_weight: settings.least_weight,
+            capacity: settings.pool,
+            uses: settings.patch_uses,
+            kept: Vec::new(),
+            drawn: 0,
+            made: 0,
+        }
+    }
+
+    /// The colours of all photos together.
+    pub fn palette(&self) -> &Palette {
+        &self.palette
+    }
+
+    /// What the style loss of a painting is multiplied with, so that all paintings count alike:
+    /// the inverse of its distance to the photos so far, in units of [`TYPICAL_DISTANCE`].
+    pub fn ease(&self, target: &Statistics) -> f32 {
+        let sum = |i: usize| {
+            self.kept
+                .iter()
+                .map(|p| p.features.statistics.0[i])
+                .sum::<f32>()
+        };
+        let count = self.kept.len().max(1) as f32;
+        let mean = Statistics((0..Statistics::LEN).map(|i| sum(i) / count).collect());
+        TYPICAL_DISTANCE / mean.distance(target).max(LEAST_DISTANCE)
+    }
+
+    /// A new patch when the ones made so far have been used often enough, else a kept one.
+    ///
+    /// # Errors
+    /// If a photo is smaller than a patch, or the patch too small for the perceptual network.
+    pub fn draw(
+        &mut self,
+        vgg: &Perceptual,
+        rng: &mut Pcg64,
+    ) -> Result<Arc<FrozenPatch>, StyleError> {
+        self.drawn += 1;
+        if self.made * self.uses >= self.drawn {
+            let at = rng.random_range(0..self.kept.len());
+            return Ok(Arc::clone(&self.kept[at]));
+        }
+        let patch = Arc::new(self.make(vgg, rng)?);
+        self.made += 1;
+        if self.kept.len() < self.capacity {
+            self.kept.push(Arc::clone(&patch));
+        } else {
+            let at = rng.random_range(0..self.capacity);
+            self.kept[at] = Arc::clone(&patch);
+        }
+        Ok(patch)
+    }
+
+    fn make(&self, vgg: &Perceptual, rng: &mut Pcg64) -> Result<FrozenPatch, StyleError> {
+        let rays = self.draw_view(rng);
+        let (width, height) = rays.size();
+        let [rows, columns] = self.sampler.size;
+        let patch = self
+            .sampler
+            .draw(height, width, rng)
+            .ok_or(StyleError::TooSmall {
+                width,
+                height,
+                least: rows.max(columns),
+            })?;
+        let mut batch = RayBatch::default();
+        patch
+            .points(self.supersampling)
+            .for_each(|point| rays.push_at(point, &mut batch));
+        let Frozen {
+            weights,
+            grids,
+            photo_app,
+        } = &self.frozen;
+        let samples = self.field.sample(&batch, grids, Some(rng.random()));
+        let samples = self
+            .field
+            .contributing(weights, &samples, self.least_weight);
+        let geometry = self.field.geometry(weights, samples);
+        let photo = geometry.clone().prepared(&photo_app.config);
+        let colours = photo.composite(photo_app);
+        let pixels = host(self.averaged(colours).clamp(0.0, 1.0));
+        Ok(FrozenPatch {
+            geometry: geometry.prepared(&self.app).lifted(),
+            features: vgg.features(&pixels, rows, columns)?,
+            pixels,
+        })
+    }
+
+    /// Colours of a patch's rays, averaged over each pixel.
+    ///
+    /// # Shapes
+    /// `composite`: `[rays, 3 or more]`; result: `[height, width, 3]`.
+    pub fn averaged(&self, composite: Tensor<2>) -> Tensor<3> {
+        let ([height, width], n) = (self.sampler.size, self.supersampling);
+        let colours = composite.slice_dim(1, 0..3);
+        if n == 1 {
+            return colours.reshape([height, width, 3]);
+        }
+        colours
+            .reshape([height, n, width, n, 3])
+            .mean_dim(3)
+            .mean_dim(1)
+            .reshape([height, width, 3])
+    }
+
+    /// A photo's view, or one between two neighbouring photos: paint must hold where nobody stood.
+    fn draw_view(&self, rng: &mut Pcg64) -> CameraRays {
+        let photo = rng.random_range(0..self.photos.len());
+        let rays = &self.photos[photo].rays;
+        let near = &self.neighbours[photo];
+        if near.is_empty() || !rng.random_bool(self.novel_views) {
+            return rays.clone();
+        }
+        let other = near[rng.random_range(0..near.len())];
+        rays.towards(&self.photos[other].rays, rng.random())
+    }
+}
+
+/// Most neighbours of a photo.
+const NEIGHBOURS: usize = 4;
+/// Neighbours look the same way, within about 45°: between two that do not lies what nobody saw.
+const LEAST_ALIGNMENT: f32 = 0.7;
+/// They stand no more than this many times as far away as the nearest that looks the same way.
+const FARTHEST: f32 = 3.0;
+
+/// For each photo the other photos that views may lie between.
+fn neighbours(photos: &[PhotoRays]) -> Vec<Vec<usize>> {
+    photos
+        .iter()
+        .enumerate()
+        .map(|(i, photo)| {
+            let mut others: Vec<(f32, usize)> = photos
+                .iter()
+                .enumerate()
+                .filter(|(j, other)| i != *j && photo.rays.alignment(&other.rays) > LEAST_ALIGNMENT)
+                .map(|(j, other)| (photo.rays.distance(&other.rays), j))
+                .collect();
+            others.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let reach = others
+                .first()
+                .map_or(0.0, |(nearest, _)| nearest * FARTHEST);
+            let near = others.into_iter().take_while(|(far, _)| *far <= reach);
+            near.take(NEIGHBOURS).map(|(_, j)| j).collect()
+        })
+        .collect()
+}
