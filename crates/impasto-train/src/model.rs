@@ -42,6 +42,12 @@ pub struct RenderedView {
     pub depth: Vec<f32>,
 }
 
+/// How much farther from the average painting a look is made than its code says. A hypernetwork
+/// that is unsure predicts something average, so looks come out tamer than their paintings. Chosen
+/// on paintings of the training set: beyond 1.25 to 1.5 their style gain falls slowly while more of
+/// them can be told apart, up to about 2.
+pub const EMPHASIS: f32 = 1.75;
+
 impl Model {
     /// Reads a model folder or file.
     ///
@@ -85,13 +91,13 @@ impl Model {
         Ok(encoder.vae.encode(&whole(&encoder.vgg, painting)?))
     }
 
-    /// The look that a code gives, or `None` if the style stage has not run. The hypernetwork
-    /// runs once, here.
+    /// The look that a code gives, [emphasised](EMPHASIS), or `None` if the style stage has not
+    /// run. The hypernetwork runs once, here.
     pub fn look(&self, code: &StyleCode) -> Option<Look> {
         let style = self.file.style.as_ref()?;
         Some(Look(style.appearance(
             &self.file.config,
-            code,
+            &code.scaled(EMPHASIS),
             &self.device,
         )))
     }
