@@ -23,6 +23,8 @@ struct Merged<'a> {
     width: usize,
     samples: VolumeSamples,
     rows: Vec<f32>,
+    depths: Vec<f32>,
+    distances: Vec<f32>,
 }
 
 impl Geometry {
@@ -36,8 +38,7 @@ impl Geometry {
         let layout = Arc::clone(&self.layout);
         let mut inner = Merged::new(&self.samples.inner, 3, 0, self.inner.clone());
         let mut outer = Merged::new(&self.samples.outer, 4, split, Some(self.outer.clone()));
-        let (mut rays, mut optical, mut behind) = (Vec::new(), Vec::new(), 0);
-        let (mut depths, mut distances) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
+        let (mut fronts, mut optical) = (Vec::new(), Vec::new());
         for span in &layout.rays {
             let sum = |range: &Range<usize>| weights[range.clone()].iter().sum::<f32>();
             let (near, far) = (sum(&span.inner), sum(&span.outer));
@@ -45,30 +46,26 @@ impl Geometry {
             let before = optical.len();
             if share >= LEAST_SHARE {
                 optical.push((-(1.0 - share).ln()).min(OPAQUE));
-                depths[0].push(mean(&weights, &layout.depths, &span.inner));
-                distances[0].push(mean(&weights, &layout.distances, &span.inner));
-                inner.push(&weights, &span.inner);
+                inner.push(&weights, &span.inner, &layout);
             }
-            depths[1].push(mean(&weights, &layout.depths, &span.outer));
-            distances[1].push(mean(&weights, &layout.distances, &span.outer));
-            outer.push(&weights, &span.outer);
-            rays.push((before..optical.len(), behind));
-            behind += 1;
+            outer.push(&weights, &span.outer, &layout);
+            fronts.push(before..optical.len());
         }
         let in_front = optical.len();
-        optical.extend(std::iter::repeat_n(OPAQUE, behind));
-        let rays = rays
+        optical.extend(std::iter::repeat_n(OPAQUE, fronts.len()));
+        let rays = fronts
             .into_iter()
-            .map(|(inner, behind)| RaySpan {
+            .zip(in_front..)
+            .map(|(inner, i)| RaySpan {
                 inner,
-                outer: in_front + behind..in_front + behind + 1,
-            })
-            .collect();
+                outer: i..i + 1,
+            });
+        let rays = rays.collect();
         let layout = CompositeLayout {
             rays,
             deltas: vec![1.0; optical.len()],
-            depths: depths.concat(),
-            distances: distances.concat(),
+            depths: [inner.depths, outer.depths].concat(),
+            distances: [inner.distances, outer.distances].concat(),
         };
         Self {
             inner: (in_front > 0).then(|| matrix(inner.rows, inner.width, &device)),
@@ -99,17 +96,19 @@ impl<'a> Merged<'a> {
             features: features.map(host).unwrap_or_default(),
             samples: VolumeSamples::default(),
             rows: Vec::new(),
+            depths: Vec::new(),
+            distances: Vec::new(),
         }
     }
 
     /// Appends the mean of a ray's samples.
-    fn push(&mut self, weights: &[f32], span: &Range<usize>) {
+    fn push(&mut self, weights: &[f32], span: &Range<usize>, layout: &CompositeLayout) {
         let local = span.start - self.first..span.end - self.first;
         let weights = normalised(&weights[span.clone()]);
-        let mean = |data: &[f32], width: usize, out: &mut Vec<f32>| {
+        let mean_of = |range: &Range<usize>, data: &[f32], width: usize, out: &mut Vec<f32>| {
             let at = out.len();
             out.resize(at + width, 0.0);
-            let rows = data[local.start * width..local.end * width].chunks_exact(width);
+            let rows = data[range.start * width..range.end * width].chunks_exact(width);
             for (row, weight) in rows.zip(&weights) {
                 out[at..]
                     .iter_mut()
@@ -117,10 +116,13 @@ impl<'a> Merged<'a> {
                     .for_each(|(o, x)| *o += weight * x);
             }
         };
-        mean(&self.features, self.width, &mut self.rows);
-        mean(&self.source.raw, self.dimensions, &mut self.samples.raw);
-        mean(&self.source.cube, 3, &mut self.samples.cube);
-        mean(&self.source.views, 3, &mut self.samples.views);
+        let (source, merged) = (self.source, &mut self.samples);
+        mean_of(&local, &self.features, self.width, &mut self.rows);
+        mean_of(&local, &source.raw, self.dimensions, &mut merged.raw);
+        mean_of(&local, &source.cube, 3, &mut merged.cube);
+        mean_of(&local, &source.views, 3, &mut merged.views);
+        mean_of(span, &layout.depths, 1, &mut self.depths);
+        mean_of(span, &layout.distances, 1, &mut self.distances);
     }
 }
 
@@ -134,12 +136,4 @@ fn normalised(weights: &[f32]) -> Vec<f32> {
         last.iter_mut().rev().take(1).for_each(|w| *w = 1.0);
         last
     }
-}
-
-fn mean(weights: &[f32], data: &[f32], span: &Range<usize>) -> f32 {
-    normalised(&weights[span.clone()])
-        .iter()
-        .zip(&data[span.clone()])
-        .map(|(w, d)| w * d)
-        .sum()
 }
