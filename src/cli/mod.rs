@@ -1,5 +1,6 @@
 //! The command line. A command is one file: its arguments and how they become an [`Answer`].
 
+mod bench;
 mod console;
 mod demo;
 mod error;
@@ -36,6 +37,7 @@ enum Command {
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
     Info(info::InfoArgs),
+    Bench(bench::BenchArgs),
 }
 
 /// What a command has to say in the end, for people and for programs.
@@ -59,6 +61,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Info(args) => info::run(args),
+        Command::Bench(args) => bench::run(args),
     };
     match answer {
         Ok(answer) if cli.json => console::result(&answer.json.to_string()),

@@ -4,7 +4,9 @@
 //! them. Weights are data: gradients reach inputs *and* parameters, so that predicted weights
 //! (the hypernetwork's output) and learned ones are the same path.
 
-use super::product::{View, add_product};
+use super::math::exp;
+use super::product::{Left, add_product};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// What follows a layer's affine map (and its normalisation).
@@ -45,8 +47,10 @@ pub struct MlpSpec {
 }
 
 const LAYER_NORM_EPS: f32 = 1e-5;
-/// Rows a block: activations of width 64 for three layers fit the second-level cache.
-const BLOCK: usize = 256;
+/// Rows a block: a layer's activations of width 64 are half of a first-level cache.
+const BLOCK: usize = 64;
+/// Rows of one task of a forward pass.
+const TASK: usize = 1024;
 /// Most pieces the rows are cut into for parameter gradients; fixed, so that sums do not depend
 /// on the number of threads.
 const PIECES: usize = 8;
@@ -105,6 +109,54 @@ impl MlpSpec {
     }
 }
 
+/// Parameters in the order that products read them: per layer a row-major `inputs × outputs`
+/// weight; biases as they are.
+struct Packed<'a> {
+    spec: &'a MlpSpec,
+    params: &'a [f32],
+    /// One per layer.
+    transposed: Vec<Vec<f32>>,
+}
+
+impl<'a> Packed<'a> {
+    fn new(spec: &'a MlpSpec, params: &'a [f32]) -> Self {
+        let mut packed = Self {
+            spec,
+            params,
+            transposed: Vec::with_capacity(spec.layers.len()),
+        };
+        for i in 0..spec.layers.len() {
+            let LayerSpec {
+                inputs, outputs, ..
+            } = spec.layers[i];
+            let (weight, _) = packed.layer(i);
+            let mut transposed = vec![0.0; weight.len()];
+            for (o, row) in weight.chunks_exact(inputs).enumerate() {
+                for (i, w) in row.iter().enumerate() {
+                    transposed[i * outputs + o] = *w;
+                }
+            }
+            packed.transposed.push(transposed);
+        }
+        packed
+    }
+
+    /// Where a layer's parameters lie.
+    fn range(&self, layer: usize) -> std::ops::Range<usize> {
+        let before = &self.spec.layers[..layer];
+        let start = before.iter().map(LayerSpec::params).sum::<usize>();
+        start..start + self.spec.layers[layer].params()
+    }
+
+    /// Row-major `outputs × inputs` weight, and biases.
+    fn layer(&self, layer: usize) -> (&[f32], &[f32]) {
+        let LayerSpec {
+            inputs, outputs, ..
+        } = self.spec.layers[layer];
+        self.params[self.range(layer)].split_at(inputs * outputs)
+    }
+}
+
 /// One block's activations, kept for the backward pass.
 struct Tape {
     /// Output of each layer, `BLOCK × outputs`.
@@ -133,9 +185,9 @@ impl Tape {
         }
     }
 
-    fn forward(&mut self, spec: &MlpSpec, params: &[f32], x: &[f32], rows: usize) {
-        let mut offset = 0;
-        for (i, layer) in spec.layers.iter().enumerate() {
+    #[inline(always)]
+    fn forward<S: Simd>(&mut self, simd: S, packed: &Packed<'_>, x: &[f32], rows: usize) {
+        for (i, layer) in packed.spec.layers.iter().enumerate() {
             let (before, rest) = self.outputs.split_at_mut(i);
             let input = if i == 0 {
                 x
@@ -143,17 +195,12 @@ impl Tape {
                 &before[i - 1][..rows * layer.inputs]
             };
             let out = &mut rest[0][..rows * layer.outputs];
-            let (weight, bias) =
-                params[offset..offset + layer.params()].split_at(layer.inputs * layer.outputs);
-            offset += layer.params();
+            let (_, bias) = packed.layer(i);
             for row in out.chunks_exact_mut(layer.outputs) {
                 row.copy_from_slice(bias);
             }
-            add_product(
-                out,
-                View::new(input, rows, layer.inputs),
-                View::new(weight, layer.outputs, layer.inputs).transposed(),
-            );
+            let input = Left::new(input, rows, layer.inputs);
+            add_product(simd, out, input, &packed.transposed[i], layer.outputs);
             if layer.layer_norm {
                 normalise(out, layer.outputs, &mut self.inverse_std[i]);
                 self.normalised[i][..out.len()].copy_from_slice(out);
@@ -163,6 +210,7 @@ impl Tape {
     }
 
     /// Turns `grad` (with respect to layer `i`'s output) into the gradient before its affine map.
+    #[inline(always)]
     fn before_affine(&self, layer: &LayerSpec, i: usize, grad: &mut [f32]) {
         let out = &self.outputs[i];
         match layer.activation {
@@ -211,6 +259,7 @@ fn lane_sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
+#[inline(always)]
 fn normalise(rows: &mut [f32], width: usize, inverse_std: &mut [f32]) {
     for (row, inv) in rows.chunks_exact_mut(width).zip(inverse_std) {
         let mean = lane_sum(row, row, |v, _| v) / width as f32;
@@ -222,6 +271,7 @@ fn normalise(rows: &mut [f32], width: usize, inverse_std: &mut [f32]) {
     }
 }
 
+#[inline(always)]
 fn activate(values: &mut [f32], activation: Activation) {
     match activation {
         Activation::Linear => {}
@@ -229,9 +279,7 @@ fn activate(values: &mut [f32], activation: Activation) {
         Activation::Relu => values
             .iter_mut()
             .for_each(|v| *v = if *v < 0.0 { 0.0 } else { *v }),
-        Activation::Sigmoid => values
-            .iter_mut()
-            .for_each(|v| *v = 1.0 / (1.0 + (-*v).exp())),
+        Activation::Sigmoid => values.iter_mut().for_each(|v| *v = 1.0 / (1.0 + exp(-*v))),
     }
 }
 
@@ -246,19 +294,35 @@ pub fn forward(spec: &MlpSpec, x: &[f32], params: &[f32]) -> Vec<f32> {
     let (inputs, outputs) = (spec.inputs(), spec.outputs());
     assert_eq!(params.len(), spec.params(), "parameters of an MLP");
     assert_eq!(x.len() % inputs, 0, "rows of an MLP's input");
-    let rows = x.len() / inputs;
-    let mut out = vec![0.0; rows * outputs];
-    out.par_chunks_mut(BLOCK * outputs)
-        .zip(x.par_chunks(BLOCK * inputs))
-        .for_each_init(
-            || Tape::new(spec, rows),
-            |tape, (out, x)| {
-                tape.forward(spec, params, x, x.len() / inputs);
-                let last = &tape.outputs[tape.outputs.len() - 1];
-                out.copy_from_slice(&last[..out.len()]);
-            },
-        );
+    let mut out = vec![0.0; x.len() / inputs * outputs];
+    let packed = &Packed::new(spec, params);
+    out.par_chunks_mut(TASK * outputs)
+        .zip(x.par_chunks(TASK * inputs))
+        .for_each(|(out, x)| Arch::new().dispatch(Forward { packed, x, out }));
     out
+}
+
+struct Forward<'a> {
+    packed: &'a Packed<'a>,
+    x: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Forward<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let spec = self.packed.spec;
+        let (inputs, outputs) = (spec.inputs(), spec.outputs());
+        let mut tape = Tape::new(spec, self.x.len() / inputs);
+        let blocks = self.x.chunks(BLOCK * inputs);
+        for (x, out) in blocks.zip(self.out.chunks_mut(BLOCK * outputs)) {
+            tape.forward(simd, self.packed, x, x.len() / inputs);
+            let last = &tape.outputs[tape.outputs.len() - 1];
+            out.copy_from_slice(&last[..out.len()]);
+        }
+    }
 }
 
 /// Gradients of [`forward`] for its input (empty unless `need_input`) and its parameters.
@@ -280,11 +344,19 @@ pub fn backward(
     let mut input_pieces: Vec<&mut [f32]> = input_grad.chunks_mut(piece * inputs).collect();
     input_pieces.resize_with(rows.div_ceil(piece), Default::default);
 
+    let packed = &Packed::new(spec, params);
     let partial: Vec<Vec<f32>> = x
         .par_chunks(piece * inputs)
         .zip(grad.par_chunks(piece * outputs))
         .zip(input_pieces)
-        .map(|((x, grad), input_grad)| piece_backward(spec, params, x, grad, input_grad))
+        .map(|((x, grad), input_grad)| {
+            Arch::new().dispatch(PieceBackward {
+                packed,
+                x,
+                grad,
+                input_grad,
+            })
+        })
         .collect();
     let mut params_grad = vec![0.0; params.len()];
     for part in partial {
@@ -295,70 +367,75 @@ pub fn backward(
     (input_grad, params_grad)
 }
 
-fn piece_backward(
-    spec: &MlpSpec,
-    params: &[f32],
-    x: &[f32],
-    grad: &[f32],
-    input_grad: &mut [f32],
-) -> Vec<f32> {
-    let (inputs, outputs) = (spec.inputs(), spec.outputs());
-    let widest = spec
-        .layers
-        .iter()
-        .map(|l| l.inputs.max(l.outputs))
-        .max()
-        .unwrap_or(0);
-    let room = BLOCK.min(x.len() / inputs);
-    let mut tape = Tape::new(spec, room);
-    let mut params_grad = vec![0.0; params.len()];
-    let (mut current, mut next) = (vec![0.0; room * widest], vec![0.0; room * widest]);
-    for (block, (x, grad)) in x
-        .chunks(BLOCK * inputs)
-        .zip(grad.chunks(BLOCK * outputs))
-        .enumerate()
-    {
-        let rows = x.len() / inputs;
-        tape.forward(spec, params, x, rows);
-        current[..grad.len()].copy_from_slice(grad);
-        let mut end = params.len();
-        for (i, layer) in spec.layers.iter().enumerate().rev() {
-            let start = end - layer.params();
-            let weights = layer.inputs * layer.outputs;
-            let g = &mut current[..rows * layer.outputs];
-            tape.before_affine(layer, i, g);
-            let input = if i == 0 {
-                x
-            } else {
-                &tape.outputs[i - 1][..rows * layer.inputs]
-            };
-            let (weight_grad, bias_grad) = params_grad[start..end].split_at_mut(weights);
-            add_product(
-                weight_grad,
-                View::new(g, rows, layer.outputs).transposed(),
-                View::new(input, rows, layer.inputs),
-            );
-            for row in g.chunks_exact(layer.outputs) {
-                for (b, g) in bias_grad.iter_mut().zip(row) {
-                    *b += g;
-                }
-            }
-            if i > 0 || !input_grad.is_empty() {
+/// Returns the parameters' gradient; writes the input's, unless that is empty.
+struct PieceBackward<'a> {
+    packed: &'a Packed<'a>,
+    x: &'a [f32],
+    grad: &'a [f32],
+    input_grad: &'a mut [f32],
+}
+
+impl WithSimd for PieceBackward<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<f32> {
+        let spec = self.packed.spec;
+        let (inputs, outputs) = (spec.inputs(), spec.outputs());
+        let widths = spec.layers.iter().map(|l| l.inputs.max(l.outputs));
+        let room = BLOCK.min(self.x.len() / inputs) * widths.max().unwrap_or(0);
+        let mut tape = Tape::new(spec, self.x.len() / inputs);
+        let mut params_grad = vec![0.0; spec.params()];
+        let (mut current, mut next) = (vec![0.0; room], vec![0.0; room]);
+        let mut input_grads = self.input_grad.chunks_mut(BLOCK * inputs);
+        let grads = self.grad.chunks(BLOCK * outputs);
+        for (x, grad) in self.x.chunks(BLOCK * inputs).zip(grads) {
+            let rows = x.len() / inputs;
+            tape.forward(simd, self.packed, x, rows);
+            current[..grad.len()].copy_from_slice(grad);
+            for (i, layer) in spec.layers.iter().enumerate().rev() {
+                let g = &mut current[..rows * layer.outputs];
+                tape.before_affine(layer, i, g);
+                let input = match i {
+                    0 => x,
+                    _ => &tape.outputs[i - 1][..rows * layer.inputs],
+                };
+                let layer_grad = &mut params_grad[self.packed.range(i)];
+                add_layer_grad(simd, layer, layer_grad, g, input);
                 let target = if i > 0 {
                     &mut next[..rows * layer.inputs]
+                } else if let Some(input_grad) = input_grads.next() {
+                    input_grad
                 } else {
-                    &mut input_grad[block * BLOCK * inputs..][..rows * inputs]
+                    continue;
                 };
                 target.fill(0.0);
-                add_product(
-                    target,
-                    View::new(g, rows, layer.outputs),
-                    View::new(&params[start..start + weights], layer.outputs, layer.inputs),
-                );
+                let (weight, _) = self.packed.layer(i);
+                let g = Left::new(g, rows, layer.outputs);
+                add_product(simd, target, g, weight, layer.inputs);
                 std::mem::swap(&mut current, &mut next);
             }
-            end = start;
+        }
+        params_grad
+    }
+}
+
+/// Adds a block's part of a layer's gradient: weight, then bias.
+#[inline(always)]
+fn add_layer_grad<S: Simd>(
+    simd: S,
+    layer: &LayerSpec,
+    layer_grad: &mut [f32],
+    grad: &[f32],
+    input: &[f32],
+) {
+    let rows = grad.len() / layer.outputs;
+    let (weight, bias) = layer_grad.split_at_mut(layer.inputs * layer.outputs);
+    let transposed = Left::transposed(grad, rows, layer.outputs);
+    add_product(simd, weight, transposed, input, layer.inputs);
+    for row in grad.chunks_exact(layer.outputs) {
+        for (b, g) in bias.iter_mut().zip(row) {
+            *b += g;
         }
     }
-    params_grad
 }

@@ -7,4 +7,5 @@ pub mod mlp;
 pub mod occupancy;
 pub mod perceptual;
 
+mod math;
 mod product;

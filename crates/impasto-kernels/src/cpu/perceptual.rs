@@ -4,18 +4,16 @@
 //! Activations are channels-last with a border of one zero pixel, so that a convolution is three
 //! matrix products over overlapping rows of the padded image: no patch matrix is ever built.
 
-use super::product::{View, add_product};
+use super::product::{Left, add_product_to_columns};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// One 3×3 convolution (zero padding, stride 1) with relu.
 #[derive(Debug, Clone)]
 pub struct ConvLayer {
-    inputs: usize,
-    outputs: usize,
-    /// `[dy][dx][input][output]`.
-    forward: Vec<f32>,
-    /// `[2 − dy][2 − dx][output][input]`: the same filters as seen from the output.
-    backward: Vec<f32>,
+    forward: Filters,
+    /// The same filters as seen from the output: turned by half a turn, inputs for outputs.
+    backward: Filters,
     bias: Vec<f32>,
     /// Whether a 2×2 max-pool comes before this layer.
     pool_before: bool,
@@ -35,22 +33,10 @@ impl ConvLayer {
             "a 3×3 convolution's weight is outputs × inputs × 9"
         );
         let inputs = weight.len() / (outputs * 9);
-        let mut forward = vec![0.0; weight.len()];
-        let mut backward = vec![0.0; weight.len()];
-        for o in 0..outputs {
-            for i in 0..inputs {
-                for tap in 0..9 {
-                    let w = weight[(o * inputs + i) * 9 + tap];
-                    forward[(tap * inputs + i) * outputs + o] = w;
-                    backward[((8 - tap) * outputs + o) * inputs + i] = w;
-                }
-            }
-        }
+        let weight = |tap, i, o| weight[(o * inputs + i) * 9 + tap];
         Self {
-            inputs,
-            outputs,
-            forward,
-            backward,
+            forward: Filters::new(inputs, outputs, weight),
+            backward: Filters::new(outputs, inputs, |tap, o, i| weight(8 - tap, i, o)),
             bias,
             pool_before,
             statistics,
@@ -104,6 +90,28 @@ impl Padded {
         self.height * self.width
     }
 
+    /// Rows without their borders.
+    fn par_rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [f32]> {
+        let (stride, channels) = ((self.width + 2) * self.channels, self.channels);
+        let rows = self.data[stride..].par_chunks_exact_mut(stride);
+        rows.take(self.height)
+            .map(move |row| &mut row[channels..stride - channels])
+            .with_min_len(4)
+    }
+
+    /// The first and second, third and fourth row and so on, without their borders.
+    fn par_row_pairs_mut(&mut self) -> impl IndexedParallelIterator<Item = [&mut [f32]; 2]> {
+        let (stride, channels) = ((self.width + 2) * self.channels, self.channels);
+        let pairs = self.data[stride..].par_chunks_exact_mut(2 * stride);
+        pairs
+            .take(self.height / 2)
+            .map(move |pair| {
+                let (upper, lower) = pair.split_at_mut(stride);
+                [upper, lower].map(|row| &mut row[channels..stride - channels])
+            })
+            .with_min_len(2)
+    }
+
     fn clear_border(&mut self) {
         let stride = (self.width + 2) * self.channels;
         for row in self.data.chunks_exact_mut(stride) {
@@ -113,137 +121,182 @@ impl Padded {
     }
 }
 
-/// Most pixels of one task of a convolution.
-const TASK: usize = 512;
-/// An image of fewer pixels is deep rather than wide: cut by output channels, not by pixels,
-/// because every task would have to rearrange all the filters for itself.
-const DEEP: usize = 1024;
-/// Tasks of a convolution over a deep image.
-const DEEP_TASKS: usize = 4;
+/// Output channels computed together: their filters for one pixel's neighbourhood stay in the
+/// second-level cache while an image passes by.
+const STRIP: usize = 64;
 
-/// `weight`: `[3][3 · inputs][outputs]`. Computes every pixel between the first and the last of
-/// the image, border columns included (those are cleared afterwards).
-fn convolve(input: &Padded, weight: &[f32], bias: Option<&[f32]>, outputs: usize) -> Padded {
+/// Filters of one direction, rearranged for [`convolve`]: per strip of output channels
+/// `[dy][dx][input][output of the strip]`.
+#[derive(Debug, Clone)]
+struct Filters {
+    inputs: usize,
+    outputs: usize,
+    strips: Vec<f32>,
+}
+
+impl Filters {
+    /// Filters whose weight for a tap, an input and an output is `weight(tap, input, output)`.
+    fn new(inputs: usize, outputs: usize, weight: impl Fn(usize, usize, usize) -> f32) -> Self {
+        let mut strips = Vec::with_capacity(9 * inputs * outputs);
+        for first in (0..outputs).step_by(STRIP) {
+            for tap in 0..9 {
+                for input in 0..inputs {
+                    let strip = first..(first + STRIP).min(outputs);
+                    strips.extend(strip.map(|output| weight(tap, input, output)));
+                }
+            }
+        }
+        Self {
+            inputs,
+            outputs,
+            strips,
+        }
+    }
+
+    /// First channel, number of channels and filters of each strip.
+    fn strips(&self) -> impl Iterator<Item = (usize, usize, &[f32])> {
+        let strips = self.strips.chunks(9 * self.inputs * STRIP).enumerate();
+        strips.map(|(i, strip)| (i * STRIP, strip.len() / (9 * self.inputs), strip))
+    }
+}
+
+/// Most pixels of one task of a convolution.
+const TASK: usize = 384;
+/// An image of fewer pixels is deep rather than wide: cut by output channels, not by pixels,
+/// because every task would have to fetch all the filters for itself.
+const DEEP: usize = 192;
+
+/// Computes every pixel between the first and the last of the image, border columns included
+/// (those are cleared afterwards). With a bias, relu follows.
+fn convolve(input: &Padded, filters: &Filters, bias: Option<&[f32]>) -> Padded {
+    let outputs = filters.outputs;
     let mut out = Padded::zeros(input.height, input.width, outputs);
     let stride = input.width + 2;
     let first = stride + 1;
     let count = (input.height - 1) * stride + input.width;
     let target = &mut out.data[first * outputs..(first + count) * outputs];
-    if count < DEEP && outputs >= 16 * DEEP_TASKS {
-        convolve_deep(input, weight, bias, (first, count, outputs), target);
+    if count < DEEP && outputs > STRIP {
+        convolve_deep(input, filters, bias, (first, count), target);
     } else {
-        let task = TASK.min(count.div_ceil(4));
-        target
-            .par_chunks_mut(task * outputs)
-            .enumerate()
-            .for_each(|(i, target)| {
-                let pixels = (first + i * task, target.len() / outputs);
-                convolve_task(input, pixels, (weight, outputs), bias, target);
-            });
+        let task = TASK.min(count.div_ceil(4).next_multiple_of(6));
+        let tasks = target.par_chunks_mut(task * outputs).enumerate();
+        tasks.for_each(|(i, target)| {
+            for (channel, channels, filters) in filters.strips() {
+                Arch::new().dispatch(Convolve {
+                    input,
+                    start: first + i * task,
+                    filters,
+                    bias: bias.map(|b| &b[channel..channel + channels]),
+                    target: &mut target[channel..],
+                    stride: outputs,
+                    channels,
+                });
+            }
+        });
     }
     out.clear_border();
     out
 }
 
-/// Pixels `start..start + count` for as many output channels as `target` has room for; `weight`
-/// starts at the first of them and its rows are `row` long.
-fn convolve_task(
-    input: &Padded,
-    (start, count): (usize, usize),
-    (weight, row): (&[f32], usize),
-    bias: Option<&[f32]>,
-    target: &mut [f32],
-) {
-    let (inputs, stride) = (input.channels, input.width + 2);
-    let channels = target.len() / count;
-    if let Some(bias) = bias {
-        for pixel in target.chunks_exact_mut(channels) {
-            pixel.copy_from_slice(&bias[..channels]);
-        }
-    }
-    for dy in 0..3 {
-        let corner = (start + dy * stride - stride - 1) * inputs;
-        add_product(
-            target,
-            View::strided(&input.data[corner..], (count, 3 * inputs), (inputs, 1)),
-            View::strided(
-                &weight[dy * 3 * inputs * row..],
-                (3 * inputs, channels),
-                (row, 1),
-            ),
-        );
-    }
-}
-
 fn convolve_deep(
     input: &Padded,
-    weight: &[f32],
+    filters: &Filters,
     bias: Option<&[f32]>,
-    (first, count, outputs): (usize, usize, usize),
+    (start, count): (usize, usize),
     target: &mut [f32],
 ) {
-    let width = outputs.div_ceil(DEEP_TASKS);
-    let pieces: Vec<(usize, Vec<f32>)> = (0..outputs)
-        .step_by(width)
-        .collect::<Vec<_>>()
+    let strips: Vec<_> = filters.strips().collect();
+    let pieces: Vec<_> = strips
         .into_par_iter()
-        .map(|from| {
-            let channels = width.min(outputs - from);
+        .map(|(channel, channels, filters)| {
             let mut piece = vec![0.0; count * channels];
-            let filters = (&weight[from..], outputs);
-            convolve_task(
+            Arch::new().dispatch(Convolve {
                 input,
-                (first, count),
+                start,
                 filters,
-                bias.map(|b| &b[from..]),
-                &mut piece,
-            );
-            (from, piece)
+                bias: bias.map(|b| &b[channel..channel + channels]),
+                target: &mut piece,
+                stride: channels,
+                channels,
+            });
+            (channel, channels, piece)
         })
         .collect();
-    for (from, piece) in pieces {
-        let channels = piece.len() / count;
-        for (pixel, values) in target
-            .chunks_exact_mut(outputs)
-            .zip(piece.chunks_exact(channels))
-        {
-            pixel[from..from + channels].copy_from_slice(values);
+    for (channel, channels, piece) in pieces {
+        let pixels = target.chunks_exact_mut(filters.outputs);
+        for (pixel, values) in pixels.zip(piece.chunks_exact(channels)) {
+            pixel[channel..channel + channels].copy_from_slice(values);
         }
     }
 }
 
-fn relu(image: &mut Padded) {
-    image.data.par_chunks_mut(1 << 14).for_each(|chunk| {
-        for v in chunk {
-            // Not `max`, which would turn NaN into 0 and hide a broken input.
-            *v = if *v < 0.0 { 0.0 } else { *v };
-        }
-    });
+/// Pixels of one strip of channels: as many as `target` has, from pixel `start` on.
+struct Convolve<'a> {
+    input: &'a Padded,
+    start: usize,
+    filters: &'a [f32],
+    bias: Option<&'a [f32]>,
+    /// Zeros; pixels are `stride` apart.
+    target: &'a mut [f32],
+    stride: usize,
+    channels: usize,
 }
 
-fn pool(input: &Padded) -> Padded {
-    let (channels, mut out) = (
-        input.channels,
-        Padded::zeros(input.height / 2, input.width / 2, input.channels),
-    );
-    for y in 0..out.height {
-        let (top, bottom) = (input.row(2 * y), input.row(2 * y + 1));
-        let start = out.at(y, 0);
-        let width = out.width * channels;
-        for (x, out) in out.data[start..start + width]
-            .chunks_exact_mut(channels)
-            .enumerate()
-        {
-            let at = 2 * x * channels;
-            for (c, v) in out.iter_mut().enumerate() {
-                let (a, b) = (
-                    top[at + c].max(top[at + channels + c]),
-                    bottom[at + c].max(bottom[at + channels + c]),
-                );
-                *v = a.max(b);
+impl WithSimd for Convolve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let (inputs, row) = (self.input.channels, self.input.width + 2);
+        let count = self.target.len().div_ceil(self.stride);
+        if let Some(bias) = self.bias {
+            for pixel in self.target.chunks_mut(self.stride) {
+                pixel[..self.channels].copy_from_slice(bias);
+            }
+        }
+        let corner = (self.start - row - 1) * inputs;
+        let neighbourhoods = Left::overlapping(
+            &self.input.data[corner..],
+            (count, inputs),
+            (3, row * inputs),
+            3 * inputs,
+        );
+        let (stride, channels) = (self.stride, self.channels);
+        add_product_to_columns(
+            simd,
+            self.target,
+            stride,
+            neighbourhoods,
+            self.filters,
+            channels,
+        );
+        if self.bias.is_some() {
+            for pixel in self.target.chunks_mut(stride) {
+                for v in &mut pixel[..channels] {
+                    // Not `max`, which would turn NaN into 0 and hide a broken input.
+                    *v = if *v < 0.0 { 0.0 } else { *v };
+                }
             }
         }
     }
+}
+
+fn pool(input: &Padded) -> Padded {
+    let channels = input.channels;
+    let mut out = Padded::zeros(input.height / 2, input.width / 2, channels);
+    out.par_rows_mut().enumerate().for_each(|(y, out)| {
+        let (top, bottom) = (input.row(2 * y), input.row(2 * y + 1));
+        let pixels = out.chunks_exact_mut(channels);
+        let pairs = top
+            .chunks_exact(2 * channels)
+            .zip(bottom.chunks_exact(2 * channels));
+        for (out, (top, bottom)) in pixels.zip(pairs) {
+            let ((a, b), (c, d)) = (top.split_at(channels), bottom.split_at(channels));
+            for i in 0..channels {
+                out[i] = a[i].max(b[i]).max(c[i].max(d[i]));
+            }
+        }
+    });
     out
 }
 
@@ -251,82 +304,114 @@ fn pool(input: &Padded) -> Padded {
 fn pool_backward(input: &Padded, pooled: &Padded, grad: &Padded) -> Padded {
     let channels = input.channels;
     let mut out = Padded::zeros(input.height, input.width, channels);
-    for y in 0..grad.height {
-        for x in 0..grad.width {
-            let from = grad.at(y, x);
-            let corners =
-                [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(dy, dx)| input.at(2 * y + dy, 2 * x + dx));
-            for c in 0..channels {
-                let winner = corners
-                    .iter()
-                    .find(|at| input.data[**at + c] == pooled.data[from + c]);
-                if let Some(at) = winner {
-                    out.data[at + c] = grad.data[from + c];
+    let grads = grad.height;
+    out.par_row_pairs_mut()
+        .take(grads)
+        .enumerate()
+        .for_each(|(y, [upper, lower])| {
+            let (top, bottom) = (input.row(2 * y), input.row(2 * y + 1));
+            for x in 0..grad.width {
+                let from = x * channels..(x + 1) * channels;
+                let (grad, pooled) = (&grad.row(y)[from.clone()], &pooled.row(y)[from]);
+                let pair = 2 * x * channels..(2 * x + 2) * channels;
+                let ((a, b), (c, d)) = (
+                    top[pair.clone()].split_at(channels),
+                    bottom[pair.clone()].split_at(channels),
+                );
+                let (to_a, to_b) = upper[pair.clone()].split_at_mut(channels);
+                let (to_c, to_d) = lower[pair].split_at_mut(channels);
+                for i in 0..channels {
+                    let mut left = grad[i];
+                    for (to, from) in [
+                        (&mut to_a[i], a[i]),
+                        (&mut to_b[i], b[i]),
+                        (&mut to_c[i], c[i]),
+                        (&mut to_d[i], d[i]),
+                    ] {
+                        let wins = from == pooled[i];
+                        *to = if wins { left } else { 0.0 };
+                        left = if wins { 0.0 } else { left };
+                    }
                 }
             }
-        }
-    }
+        });
     out
 }
 
 /// Added to the variance under the root (PAPER §5).
 const VARIANCE_EPS: f64 = 1e-5;
 
-/// Appends mean and `sqrt(unbiased variance + 1e-5)` per channel.
-fn push_statistics(image: &Padded, out: &mut Vec<f32>) {
-    let (mean, std) = statistics(image);
-    out.extend(mean.iter().map(|m| *m as f32));
-    out.extend(std.iter().map(|s| *s as f32));
+/// Mean and `sqrt(unbiased variance + 1e-5)` of each channel.
+#[derive(Debug)]
+struct Statistics {
+    mean: Vec<f64>,
+    std: Vec<f64>,
 }
 
-fn statistics(image: &Padded) -> (Vec<f64>, Vec<f64>) {
-    let n = image.pixels() as f64;
-    let mut mean = vec![0f64; image.channels];
-    for y in 0..image.height {
-        for pixel in image.row(y).chunks_exact(image.channels) {
-            for (m, v) in mean.iter_mut().zip(pixel) {
-                *m += f64::from(*v);
+impl Statistics {
+    fn of(image: &Padded) -> Self {
+        let n = image.pixels() as f64;
+        let mut mean = sum_of_pixels(image, |sum, pixel| {
+            sum.iter_mut().zip(pixel).for_each(|(s, v)| *s += v);
+        });
+        mean.iter_mut().for_each(|m| *m /= n);
+        let centre: Vec<f32> = mean.iter().map(|m| *m as f32).collect();
+        let mut std = sum_of_pixels(image, |sum, pixel| {
+            for ((s, m), v) in sum.iter_mut().zip(&centre).zip(pixel) {
+                *s += (v - m) * (v - m);
             }
-        }
+        });
+        // One pixel has no unbiased variance; it counts as none.
+        let freedom = (n - 1.0).max(1.0);
+        std.iter_mut()
+            .for_each(|s| *s = (*s / freedom + VARIANCE_EPS).sqrt());
+        Self { mean, std }
     }
-    mean.iter_mut().for_each(|m| *m /= n);
-    let mut std = vec![0f64; image.channels];
-    for y in 0..image.height {
-        for pixel in image.row(y).chunks_exact(image.channels) {
-            for ((s, m), v) in std.iter_mut().zip(&mean).zip(pixel) {
-                *s += (f64::from(*v) - m).powi(2);
+
+    /// Adds the gradient of both to `into`, where `grad` holds means first.
+    fn backward(&self, image: &Padded, grad: &[f32], into: &mut Padded) {
+        let channels = image.channels;
+        let n = image.pixels() as f64;
+        let freedom = (n - 1.0).max(1.0);
+        let slope: Vec<f32> = (0..channels)
+            .map(|c| (f64::from(grad[channels + c]) / (freedom * self.std[c])) as f32)
+            .collect();
+        let constant: Vec<f32> = (0..channels)
+            .map(|c| (f64::from(grad[c]) / n - f64::from(slope[c]) * self.mean[c]) as f32)
+            .collect();
+        into.par_rows_mut().enumerate().for_each(|(y, into)| {
+            let pixels = image.row(y).chunks_exact(channels);
+            for (into, pixel) in into.chunks_exact_mut(channels).zip(pixels) {
+                for c in 0..channels {
+                    into[c] += constant[c] + slope[c] * pixel[c];
+                }
             }
-        }
+        });
     }
-    // One pixel has no unbiased variance; it counts as none.
-    let freedom = (n - 1.0).max(1.0);
-    std.iter_mut()
-        .for_each(|s| *s = (*s / freedom + VARIANCE_EPS).sqrt());
-    (mean, std)
 }
 
-/// Adds the gradient of mean and deviation to `into`.
-fn statistics_backward(image: &Padded, grad: &[f32], into: &mut Padded) {
-    let channels = image.channels;
-    let (mean, std) = statistics(image);
-    let n = image.pixels() as f64;
-    let freedom = (n - 1.0).max(1.0);
-    let constant: Vec<f32> = grad[..channels]
-        .iter()
-        .map(|g| (f64::from(*g) / n) as f32)
-        .collect();
-    let slope: Vec<f32> = (0..channels)
-        .map(|c| (f64::from(grad[channels + c]) / (freedom * std[c])) as f32)
-        .collect();
-    for y in 0..image.height {
-        let start = into.at(y, 0);
-        for (x, pixel) in image.row(y).chunks_exact(channels).enumerate() {
-            let target = &mut into.data[start + x * channels..][..channels];
-            for c in 0..channels {
-                target[c] += constant[c] + slope[c] * (pixel[c] - mean[c] as f32);
+/// Per channel, what `add` sums up over all pixels: in single precision along a row, in double
+/// precision over the rows.
+fn sum_of_pixels(image: &Padded, add: impl Fn(&mut [f32], &[f32]) + Sync) -> Vec<f64> {
+    let rows: Vec<Vec<f32>> = (0..image.height)
+        .into_par_iter()
+        .with_min_len(4)
+        .map(|y| {
+            let mut sum = vec![0.0; image.channels];
+            for pixel in image.row(y).chunks_exact(image.channels) {
+                add(&mut sum, pixel);
             }
-        }
+            sum
+        })
+        .collect();
+    let mut total = vec![0.0; image.channels];
+    for row in rows {
+        total
+            .iter_mut()
+            .zip(row)
+            .for_each(|(t, r)| *t += f64::from(r));
     }
+    total
 }
 
 /// A frozen stack of convolutions over an RGB image in `[0, 1]`.
@@ -342,6 +427,7 @@ pub struct PerceptualStack {
 pub struct PerceptualTape {
     outputs: Vec<Padded>,
     pooled: Vec<Option<Padded>>,
+    statistics: Vec<Option<Statistics>>,
 }
 
 impl PerceptualTape {
@@ -363,10 +449,10 @@ impl PerceptualStack {
         let mut channels = 3;
         for layer in &layers {
             assert_eq!(
-                layer.inputs, channels,
+                layer.forward.inputs, channels,
                 "channels of neighbouring convolutions"
             );
-            channels = layer.outputs;
+            channels = layer.forward.outputs;
         }
         assert!(!layers.is_empty(), "a perceptual stack has layers");
         Self {
@@ -386,7 +472,7 @@ impl PerceptualStack {
         self.layers
             .iter()
             .filter(|l| l.statistics)
-            .map(|l| l.outputs)
+            .map(|l| l.forward.outputs)
             .collect()
     }
 
@@ -398,7 +484,7 @@ impl PerceptualStack {
     /// Height, width and channels of the content feature of an image.
     pub fn content_shape(&self, height: usize, width: usize) -> [usize; 3] {
         let pools = self.layers.iter().filter(|l| l.pool_before).count();
-        let channels = self.layers[self.layers.len() - 1].outputs;
+        let channels = self.layers[self.layers.len() - 1].forward.outputs;
         [height >> pools, width >> pools, channels]
     }
 
@@ -429,6 +515,7 @@ impl PerceptualStack {
         let mut tape = PerceptualTape {
             outputs: Vec::with_capacity(self.layers.len()),
             pooled: Vec::with_capacity(self.layers.len()),
+            statistics: Vec::with_capacity(self.layers.len()),
         };
         let mut statistics = Vec::with_capacity(self.statistics_len());
         for layer in &self.layers {
@@ -436,11 +523,12 @@ impl PerceptualStack {
                 .pool_before
                 .then(|| pool(tape.outputs.last().unwrap_or(&current)));
             let input = pooled.as_ref().or(tape.outputs.last()).unwrap_or(&current);
-            let mut out = convolve(input, &layer.forward, Some(&layer.bias), layer.outputs);
-            relu(&mut out);
-            if layer.statistics {
-                push_statistics(&out, &mut statistics);
-            }
+            let out = convolve(input, &layer.forward, Some(&layer.bias));
+            tape.statistics.push(layer.statistics.then(|| {
+                let own = Statistics::of(&out);
+                statistics.extend(own.mean.iter().chain(&own.std).map(|x| *x as f32));
+                own
+            }));
             tape.pooled.push(pooled);
             tape.outputs.push(out);
             if tape.outputs.len() == 1 {
@@ -478,15 +566,17 @@ impl PerceptualStack {
         let mut statistics = &grad[content..];
         for (i, layer) in self.layers.iter().enumerate().rev() {
             let out = &tape.outputs[i];
-            if layer.statistics {
-                let (rest, own) = statistics.split_at(statistics.len() - 2 * layer.outputs);
-                statistics_backward(out, own, &mut current);
+            if let Some(of_layer) = &tape.statistics[i] {
+                let (rest, own) = statistics.split_at(statistics.len() - 2 * out.channels);
+                of_layer.backward(out, own, &mut current);
                 statistics = rest;
             }
-            for (g, y) in current.data.iter_mut().zip(&out.data) {
-                *g = if *y > 0.0 { *g } else { 0.0 };
-            }
-            current = convolve(&current, &layer.backward, None, layer.inputs);
+            current.par_rows_mut().enumerate().for_each(|(y, row)| {
+                for (g, y) in row.iter_mut().zip(out.row(y)) {
+                    *g = if *y > 0.0 { *g } else { 0.0 };
+                }
+            });
+            current = convolve(&current, &layer.backward, None);
             if let (Some(pooled), true) = (&tape.pooled[i], i > 0) {
                 current = pool_backward(&tape.outputs[i - 1], pooled, &current);
             }

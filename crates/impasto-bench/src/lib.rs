@@ -1,0 +1,266 @@
+//! Times of the hot kernels, as shares of what the machine can do at all, with the plain tensor
+//! library beside them in the same run.
+
+mod peak;
+mod plain;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use impasto_kernels::cpu::{composite, hash_grid, mlp};
+use impasto_kernels::{
+    Activation, CompositeLayout, ConvLayer, HashGridSpec, MlpSpec, PerceptualStack, RaySpan,
+};
+use serde::Serialize;
+use std::hint::black_box;
+use std::time::Instant;
+
+/// One kernel's time.
+#[derive(Debug, Clone, Serialize)]
+pub struct Timing {
+    /// What was computed.
+    pub name: String,
+    /// Milliseconds, the fastest of several runs.
+    pub milliseconds: f64,
+    /// Nanoseconds per row, point or pixel.
+    pub nanoseconds_each: f64,
+    /// Billions of multiplications and additions a second that the result needs (recomputation
+    /// does not count), where those dominate.
+    pub gflops: Option<f64>,
+    /// The same as a share of the machine's peak.
+    pub share_of_peak: Option<f64>,
+    /// Milliseconds of the tensor library, where it can do the same.
+    pub plain_milliseconds: Option<f64>,
+}
+
+/// All timings of a machine.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Threads used.
+    pub threads: usize,
+    /// Instruction set in use.
+    pub instructions: String,
+    /// Billions of multiplications and additions a second that all threads reach together in
+    /// registers.
+    pub peak_gflops: f64,
+    /// Kernels.
+    pub kernels: Vec<Timing>,
+}
+
+/// Runs of which the fastest counts.
+const RUNS: usize = 7;
+/// Rows of MLPs and points of hash grids.
+const ROWS: usize = 65_536;
+/// Height and width of the perceptual stack's image: the paper's patch.
+const PATCH: [usize; 2] = [67, 81];
+
+fn fastest<R>(mut f: impl FnMut() -> R) -> f64 {
+    black_box(f());
+    let times = (0..RUNS).map(|_| {
+        let start = Instant::now();
+        black_box(f());
+        start.elapsed().as_secs_f64()
+    });
+    times.fold(f64::MAX, f64::min)
+}
+
+fn instructions() -> &'static str {
+    struct Lanes;
+    impl pulp::WithSimd for Lanes {
+        type Output = usize;
+        #[inline(always)]
+        fn with_simd<S: pulp::Simd>(self, _: S) -> usize {
+            S::F32_LANES
+        }
+    }
+    match pulp::Arch::new().dispatch(Lanes) {
+        16 => "16 numbers a vector (AVX-512)",
+        8 => "8 numbers a vector (AVX2)",
+        4 => "4 numbers a vector (NEON)",
+        _ => "no vectors",
+    }
+}
+
+/// Deterministic numbers in ±`size`.
+fn numbers(count: usize, size: f32) -> Vec<f32> {
+    let mut state = 1u64;
+    let next = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 40) as f32 / (1u64 << 23) as f32 - 1.0) * size
+    };
+    std::iter::repeat_with(next).take(count).collect()
+}
+
+fn tensor<const D: usize>(data: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
+    Tensor::from_data(TensorData::new(data, shape), device)
+}
+
+/// Measures everything; takes some seconds.
+pub fn run() -> Report {
+    let peak = peak::gflops();
+    let mut report = Report {
+        threads: rayon::current_num_threads(),
+        instructions: instructions().to_owned(),
+        peak_gflops: peak,
+        kernels: Vec::new(),
+    };
+    let (perceptual, pixels) = perceptual_stack();
+    report.kernels.push(perceptual);
+    report.kernels.push(pixels);
+    for widths in [&[32, 64, 64, 16][..], &[32, 64, 32], &[47, 64, 64, 3]] {
+        report.kernels.push(small_mlp(widths, true));
+    }
+    report
+        .kernels
+        .push(small_mlp(&[128, 128, 128, 128, 128, 3], true));
+    for (features, log2_entries) in [(2, 15), (4, 15), (4, 16)] {
+        report.kernels.extend(grid(features, log2_entries));
+    }
+    report.kernels.push(compositing());
+    for kernel in &mut report.kernels {
+        kernel.share_of_peak = kernel.gflops.map(|g| g / peak);
+    }
+    report
+}
+
+fn timing(name: String, seconds: f64, each: usize, flops: Option<f64>) -> Timing {
+    Timing {
+        name,
+        milliseconds: seconds * 1e3,
+        nanoseconds_each: seconds * 1e9 / each as f64,
+        gflops: flops.map(|f| f / seconds / 1e9),
+        share_of_peak: None,
+        plain_milliseconds: None,
+    }
+}
+
+/// Inputs, outputs and whether a pool comes before, of VGG-16's layers up to conv4_1.
+const VGG: [(usize, usize, bool); 8] = [
+    (3, 64, false),
+    (64, 64, false),
+    (64, 128, true),
+    (128, 128, false),
+    (128, 256, true),
+    (256, 256, false),
+    (256, 256, false),
+    (256, 512, true),
+];
+
+fn perceptual_stack() -> (Timing, Timing) {
+    let weights: Vec<Vec<f32>> = VGG
+        .iter()
+        .map(|(inputs, outputs, _)| {
+            numbers(9 * inputs * outputs, (6.0 / (9.0 * *inputs as f32)).sqrt())
+        })
+        .collect();
+    let layers = VGG
+        .iter()
+        .zip(&weights)
+        .map(|((_, outputs, pool), weight)| {
+            ConvLayer::new(weight, vec![0.01; *outputs], *pool, *pool)
+        });
+    let stack = PerceptualStack::new(layers.collect(), 1.0, [0.5; 3]);
+    let [height, width] = PATCH;
+    let image: Vec<f32> = numbers(height * width * 3, 0.5);
+    let (features, _) = stack.forward(&image, height, width);
+    let grad = numbers(features.len(), 1.0);
+    let both = fastest(|| {
+        let (_, tape) = stack.forward(&image, height, width);
+        stack.backward(&tape, &grad)
+    });
+    let forward = fastest(|| stack.forward(&image, height, width).0);
+    let (mut h, mut w, mut flops) = (height, width, 0.0);
+    for (inputs, outputs, pool) in VGG {
+        if pool {
+            (h, w) = (h / 2, w / 2);
+        }
+        flops += 2.0 * (h * w * 9 * inputs * outputs) as f64;
+    }
+    let name = |what: &str| format!("VGG-16 to relu4_1 on {height}×{width}, {what}");
+    let pixels = height * width;
+    let mut timed = timing(name("forward + backward"), both, pixels, Some(2.0 * flops));
+    timed.plain_milliseconds =
+        Some(1e3 * fastest(plain::perceptual(&VGG, &weights, &image, PATCH)));
+    (timed, timing(name("forward"), forward, pixels, Some(flops)))
+}
+
+fn small_mlp(widths: &[usize], relu: bool) -> Timing {
+    let output = if relu {
+        Activation::Relu
+    } else {
+        Activation::Linear
+    };
+    let spec = MlpSpec::relu(widths, false, output);
+    let x = numbers(ROWS * spec.inputs(), 1.0);
+    let params = numbers(spec.params(), 0.2);
+    let grad = numbers(ROWS * spec.outputs(), 1.0);
+    let seconds = fastest(|| {
+        let out = mlp::forward(&spec, &x, &params);
+        (out, mlp::backward(&spec, &x, &params, &grad, true))
+    });
+    let macs: usize = widths.windows(2).map(|w| w[0] * w[1]).sum();
+    let text: Vec<String> = widths.iter().map(ToString::to_string).collect();
+    let name = format!("MLP {} forward + backward", text.join("-"));
+    let mut timed = timing(name, seconds, ROWS, Some(6.0 * (macs * ROWS) as f64));
+    timed.plain_milliseconds = Some(1e3 * fastest(plain::mlp(widths, &x, &params, &grad)));
+    timed
+}
+
+fn grid(features: usize, log2_entries: u32) -> [Timing; 2] {
+    let spec = HashGridSpec {
+        levels: 8,
+        features,
+        log2_entries,
+        coarsest: 16.0,
+        finest: 1024.0,
+    };
+    let mut points = Vec::with_capacity(3 * ROWS);
+    // Rays of about 100 samples, as a field is sampled.
+    for start in numbers(ROWS / 100 * 3 + 3, 0.5).chunks_exact(3) {
+        points
+            .extend((0..100).flat_map(|i| {
+                [0, 1, 2].map(|axis| (start[axis] + 0.5 + 0.004 * i as f32).fract())
+            }));
+    }
+    points.truncate(3 * ROWS);
+    let table = numbers(spec.params(), 0.1);
+    let grad = numbers(ROWS * spec.outputs(), 1.0);
+    let name = |what| format!("hash grid 8×{features}, 2^{log2_entries} entries, {what}");
+    let forward = fastest(|| hash_grid::forward(&spec, &points, &table));
+    let backward = fastest(|| hash_grid::backward(&spec, &points, &grad));
+    [
+        timing(name("forward"), forward, ROWS, None),
+        timing(name("backward"), backward, ROWS, None),
+    ]
+}
+
+fn compositing() -> Timing {
+    let (rays, per_ray) = (PATCH[0] * PATCH[1], 64);
+    let count = rays * per_ray;
+    let layout = CompositeLayout {
+        rays: (0..rays)
+            .map(|i| RaySpan {
+                inner: 0..0,
+                outer: i * per_ray..(i + 1) * per_ray,
+            })
+            .collect(),
+        deltas: vec![0.02; count],
+        depths: vec![1.0; count],
+        distances: (0..count).map(|i| (i % per_ray) as f32 / 64.0).collect(),
+    };
+    let sigma: Vec<f32> = numbers(count, 3.0).into_iter().map(f32::abs).collect();
+    let colours = numbers(count * 3, 1.0);
+    let grad = numbers(rays * CompositeLayout::outputs(3), 1.0);
+    let seconds = fastest(|| {
+        let out = composite::forward(&layout, &sigma, &colours, 3);
+        (
+            out,
+            composite::backward(&layout, &sigma, &colours, 3, &grad),
+        )
+    });
+    let name = format!("compositing {rays}×{per_ray} forward + backward");
+    let mut timed = timing(name, seconds, count, None);
+    timed.plain_milliseconds =
+        Some(1e3 * fastest(plain::composite(rays, per_ray, &sigma, &colours)));
+    timed
+}
