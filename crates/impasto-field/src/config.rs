@@ -109,9 +109,13 @@ impl VolumeConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SamplingConfig {
-    /// Distance between inner samples, scene units.
+    /// Samples a ray, in both volumes together.
+    pub samples: usize,
+    /// Share of them that is spread evenly; the others go where the density grids expect light.
+    pub explore: f32,
+    /// Distance between two looks at the inner density grid, scene units.
     pub inner_step: f32,
-    /// Outer samples along a ray, equal steps of inverse radius.
+    /// Looks at the outer density grid, equal steps of inverse radius.
     pub outer_steps: usize,
     /// Cells along an axis of the inner density grid.
     pub inner_grid: usize,

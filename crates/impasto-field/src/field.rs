@@ -5,7 +5,8 @@ use crate::config::FieldConfig;
 use crate::encoding::Positions;
 use crate::sphere::from_outer_cube;
 use burn::tensor::Device;
-use impasto_kernels::OccupancyGrid;
+use crate::sampling::Samples;
+use impasto_kernels::DensityGrid;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -29,19 +30,24 @@ pub struct FieldWeights {
     pub outer: BranchWeights,
 }
 
-/// Which parts of space are worth sampling.
+/// Where in space light is to be expected.
 #[derive(Debug, Clone)]
 pub struct Grids {
-    /// Over [`crate::sphere::inner_cube`].
-    pub inner: OccupancyGrid,
-    /// Over [`crate::sphere::outer_cube`].
-    pub outer: OccupancyGrid,
+    /// Over [`crate::sphere::inner_cube`]; densities per scene unit.
+    pub inner: DensityGrid,
+    /// Over [`crate::sphere::outer_cube`]; densities per unit of inverse radius.
+    pub outer: DensityGrid,
 }
 
-/// Opacity of a marching step under which a cell counts as empty.
-const EMPTY: f32 = 0.01;
-/// How much of a cell's opacity is remembered between two looks.
-const MEMORY: f32 = 0.6;
+/// Cells that a camera may see; the others stay empty. One flag per cell of each grid.
+#[derive(Debug, Clone)]
+pub struct Visible {
+    inner: Vec<bool>,
+    outer: Vec<bool>,
+}
+
+/// Optical depth of a cell from which on it is looked at more often.
+const DENSE: f32 = 0.01;
 
 impl Field {
     /// A field of the given sizes.
@@ -66,17 +72,17 @@ impl Field {
         }
     }
 
-    /// Grids with every cell occupied whose centre `sees` accepts: `[x, y, z, 1]` inside the unit
-    /// ball, `[x', y', z', 1/r]` outside.
-    pub fn visible_grids(&self, sees: impl Fn([f32; 4]) -> bool + Sync) -> Grids {
+    /// The cells whose centre `sees` accepts: `[x, y, z, 1]` inside the unit ball,
+    /// `[x', y', z', 1/r]` outside.
+    pub fn visible(&self, sees: impl Fn([f32; 4]) -> bool + Sync) -> Visible {
         use rayon::prelude::*;
         let sampling = &self.config.sampling;
         let flags = |resolution: usize, outer: bool| {
-            let full = OccupancyGrid::full(resolution);
-            let flags = (0..full.cells())
+            let grid = DensityGrid::new(resolution, 0.0);
+            (0..grid.cells())
                 .into_par_iter()
                 .map(|cell| {
-                    let cube = full.position(cell, [0.5; 3]);
+                    let cube = grid.position(cell, [0.5; 3]);
                     let ball = cube.map(|c| 2.0 * c - 1.0);
                     let point = if outer {
                         from_outer_cube(cube)
@@ -86,47 +92,48 @@ impl Field {
                     // Cells cut by a boundary have centres outside of it: kept.
                     point.is_none_or(&sees)
                 })
-                .collect();
-            OccupancyGrid::from_flags(flags).unwrap_or(full)
+                .collect()
         };
-        Grids {
+        Visible {
             inner: flags(sampling.inner_grid, false),
             outer: flags(sampling.outer_grid, true),
         }
     }
 
-    /// Measures the density in `share` of all cells (of the candidates of each grid) and updates
-    /// the flags.
+    /// Grids of one density in all cells, or in the visible ones.
+    pub fn grids(&self, density: f32, visible: Option<&Visible>) -> Grids {
+        let sampling = &self.config.sampling;
+        let mut grids = Grids {
+            inner: DensityGrid::new(sampling.inner_grid, density),
+            outer: DensityGrid::new(sampling.outer_grid, density),
+        };
+        if let Some(visible) = visible {
+            grids.inner.keep_only(&visible.inner);
+            grids.outer.keep_only(&visible.outer);
+        }
+        grids
+    }
+
+    /// Looks at a random place in `shares[0]` of all visible cells and in `shares[1]` of those
+    /// that seem to hold something, and updates the grids.
     pub fn update_grids(
         &self,
         grids: &mut Grids,
         weights: &FieldWeights,
-        candidates: &Grids,
-        share: f32,
+        visible: &Visible,
+        shares: [f32; 2],
         rng: &mut Pcg64,
     ) {
-        let inner_step = self.config.sampling.inner_step;
-        let outer_step = 1.0 / self.config.sampling.outer_steps as f32;
         let jobs = [
-            (
-                &mut grids.inner,
-                &candidates.inner,
-                &self.inner,
-                &weights.inner,
-                inner_step,
-            ),
-            (
-                &mut grids.outer,
-                &candidates.outer,
-                &self.outer,
-                &weights.outer,
-                outer_step,
-            ),
+            (&mut grids.inner, &visible.inner, &self.inner, &weights.inner),
+            (&mut grids.outer, &visible.outer, &self.outer, &weights.outer),
         ];
-        for (grid, candidates, branch, weights, step) in jobs {
+        for (grid, visible, branch, weights) in jobs {
             let outer = branch.dimensions() == 4;
-            let (mut cells, mut raw, mut cube) = (Vec::new(), Vec::new(), Vec::new());
-            for cell in (0..grid.cells()).filter(|c| candidates.flags()[*c]) {
+            let dense = DensityGrid::level_of(DENSE * grid.resolution() as f32);
+            let (mut raw, mut cube) = (Vec::new(), Vec::new());
+            for cell in (0..grid.cells()).filter(|c| visible[*c]) {
+                let share = shares[usize::from(grid.levels()[cell] >= dense)];
                 if rng.random::<f32>() >= share {
                     continue;
                 }
@@ -140,9 +147,8 @@ impl Field {
                     raw.extend(position.map(|c| 2.0 * c - 1.0));
                 }
                 cube.extend(position);
-                cells.push(cell);
             }
-            if cells.is_empty() {
+            if cube.is_empty() {
                 continue;
             }
             let positions = Positions {
@@ -151,11 +157,27 @@ impl Field {
                 cube: &cube,
             };
             let (_, density) = branch.geometry(weights, &positions);
-            let density = crate::render::host(density);
-            let opacity = density.iter().map(|d| 1.0 - (-d * step).exp());
-            grid.observe(cells.into_iter().zip(opacity), MEMORY);
-            grid.rebuild(EMPTY);
-            grid.keep_only(candidates.flags());
+            let (points, _) = cube.as_chunks::<3>();
+            for (point, density) in points.iter().zip(crate::render::host(density)) {
+                grid.observe(*point, density);
+            }
+            grid.settle();
+        }
+    }
+}
+
+impl Grids {
+    /// Takes note of the densities of samples, in layout order, until the next update.
+    pub fn observe(&mut self, samples: &Samples, densities: &[f32]) {
+        let (inner, outer) = densities.split_at(samples.inner.len());
+        for (grid, cube, densities) in [
+            (&mut self.inner, &samples.inner.cube, inner),
+            (&mut self.outer, &samples.outer.cube, outer),
+        ] {
+            let (points, _) = cube.as_chunks::<3>();
+            for (point, density) in points.iter().zip(densities) {
+                grid.observe(*point, *density);
+            }
         }
     }
 }

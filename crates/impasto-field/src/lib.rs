@@ -23,6 +23,6 @@ mod surface;
 pub use appearance::{Appearance, AppearanceConfig, Canvas, Shading};
 pub use branch::{Branch, BranchWeights};
 pub use config::{DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig};
-pub use field::{Field, FieldWeights, Grids};
+pub use field::{Field, FieldWeights, Grids, Visible};
 pub use render::{Geometry, RenderedRays, render_rays};
 pub use sampling::{RayBatch, Samples, contracted_distance};

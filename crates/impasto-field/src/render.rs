@@ -1,11 +1,12 @@
 //! The one ray renderer: samples → features and density → colours → pixels.
 
+use crate::encoding::matrix;
 use crate::appearance::{Appearance, AppearanceConfig, Shading, shade};
 use crate::field::{Field, FieldWeights, Grids};
 use crate::sampling::{RayBatch, Samples, march};
 use burn::tensor::Tensor;
 use impasto_kernels::cpu::composite;
-use impasto_kernels::{CompositeLayout, RaySpan, ops};
+use impasto_kernels::{CompositeLayout, ops};
 use std::sync::Arc;
 
 /// The numbers of a tensor, in row-major order.
@@ -46,6 +47,11 @@ impl Geometry {
         }
     }
 
+    /// Lets the grids take note of the densities found here.
+    pub fn remember(&self, grids: &mut Grids) {
+        grids.observe(&self.samples, &host(self.density.clone()));
+    }
+
     /// Contribution of each sample to its ray.
     pub fn weights(&self) -> Vec<f32> {
         composite::weights(&self.layout, &host(self.density.clone()))
@@ -70,137 +76,13 @@ impl Geometry {
     }
 }
 
-/// What light does along marched rays.
-#[derive(Debug, Clone)]
-pub struct Light {
-    /// Contribution of each sample to its ray; zero where no light arrives.
-    pub weights: Vec<f32>,
-    /// Whether light arrives at each sample.
-    pub lit: Vec<bool>,
-}
-
 /// Most of a ray's light that leaving out small contributions may move to the background.
 const MOST_DROPPED: f32 = 0.02;
-/// Ends of the waves in which a ray's samples are looked at, front to back.
-const WAVES: [usize; 3] = [16, 48, usize::MAX];
 
 impl Field {
-    /// Follows the light front to back and stops where less than `least` of it is left, so that
-    /// nothing behind a surface is evaluated. No gradients.
-    pub fn light(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Light {
-        let layout = &samples.layout;
-        let mut light = Light {
-            weights: vec![0.0; samples.len()],
-            lit: vec![false; samples.len()],
-        };
-        let mut density = vec![0.0; samples.len()];
-        let mut transmittance = vec![1.0f32; layout.rays.len()];
-        let mut start = 0;
-        for end in WAVES {
-            let mut wave = vec![false; samples.len()];
-            let mut any = false;
-            for (span, _) in layout
-                .rays
-                .iter()
-                .zip(&transmittance)
-                .filter(|(_, t)| **t >= least)
-            {
-                for i in along(span, start, end) {
-                    wave[i] = true;
-                    any = true;
-                }
-            }
-            if !any {
-                break;
-            }
-            let subset = samples.pruned(&wave);
-            let numbers = self.densities(weights, &subset);
-            let indices = wave.iter().enumerate().filter(|(_, w)| **w).map(|(i, _)| i);
-            for (i, d) in indices.zip(numbers) {
-                density[i] = d;
-            }
-            for (span, t) in layout
-                .rays
-                .iter()
-                .zip(&mut transmittance)
-                .filter(|(_, t)| **t >= least)
-            {
-                for i in along(span, start, end) {
-                    light.lit[i] = *t >= least;
-                    let passed = (-density[i] * layout.deltas[i]).exp();
-                    light.weights[i] = *t * (1.0 - passed);
-                    *t *= passed;
-                }
-            }
-            start = end;
-        }
-        light
-    }
-
-    /// Densities of samples, inner first.
-    fn densities(&self, weights: &FieldWeights, samples: &Samples) -> Vec<f32> {
-        let mut all = Vec::with_capacity(samples.len());
-        let volumes = [
-            (&self.inner, &weights.inner, &samples.inner),
-            (&self.outer, &weights.outer, &samples.outer),
-        ];
-        for (branch, weights, samples) in volumes {
-            if !samples.is_empty() {
-                let positions = samples.positions(branch.dimensions());
-                all.extend(host(branch.geometry(weights, &positions).1));
-            }
-        }
-        all
-    }
-
-    /// The samples that contribute at least `least` of the light, and the farthest of each ray. Of
-    /// a ray whose smaller samples add up to more than 2 % of the light, as haze does, all those
-    /// that contribute a tenth of `least` are kept.
-    pub fn contributing(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Samples {
-        let light = self.light(weights, samples, least);
-        let mut keep: Vec<bool> = light.weights.iter().map(|w| *w >= least).collect();
-        for span in &samples.layout.rays {
-            let small = |i: &usize| light.weights[*i] < least;
-            let dropped: f32 = along(span, 0, usize::MAX)
-                .filter(small)
-                .map(|i| light.weights[i])
-                .sum();
-            if dropped > MOST_DROPPED {
-                for i in along(span, 0, usize::MAX) {
-                    keep[i] = light.weights[i] >= 0.1 * least;
-                }
-            }
-        }
-        keep_farthest(samples, &mut keep);
-        samples.pruned(&keep)
-    }
-
-    /// The samples that at least `least` of the light reaches, and the farthest of each ray. What
-    /// lies behind a surface can be left out of a training step: nothing in front of it changes
-    /// its colour.
-    pub fn reached(&self, weights: &FieldWeights, samples: &Samples, least: f32) -> Samples {
-        let mut keep = self.light(weights, samples, least).lit;
-        keep_farthest(samples, &mut keep);
-        samples.pruned(&keep)
-    }
-
     /// Marches rays through the grids; see [`march`].
     pub fn sample(&self, rays: &RayBatch, grids: &Grids, seed: Option<u64>) -> Samples {
         march(rays, &self.config.sampling, grids, seed)
-    }
-
-    /// The same with steps `coarseness` times as long, for a field that has not formed yet.
-    pub fn sample_coarsely(
-        &self,
-        rays: &RayBatch,
-        grids: &Grids,
-        seed: u64,
-        coarseness: f32,
-    ) -> Samples {
-        let mut sampling = self.config.sampling.clone();
-        sampling.inner_step *= coarseness;
-        sampling.outer_steps = ((sampling.outer_steps as f32 / coarseness) as usize).max(1);
-        march(rays, &sampling, grids, Some(seed))
     }
 
     /// Features and densities of samples.
@@ -227,6 +109,45 @@ impl Field {
 }
 
 impl Geometry {
+    /// Only the samples that contribute at least `least` of a ray's light, and the farthest of
+    /// each ray. Of a ray whose smaller samples add up to more than 2 % of the light, as haze
+    /// does, all those that contribute a tenth of `least` are kept. No gradients.
+    pub fn contributing(&self, least: f32) -> Self {
+        let weights = self.weights();
+        let mut keep: Vec<bool> = weights.iter().map(|w| *w >= least).collect();
+        for span in &self.layout.rays {
+            let all = || span.inner.clone().chain(span.outer.clone());
+            let small = all().map(|i| weights[i]).filter(|w| *w < least);
+            if small.sum::<f32>() > MOST_DROPPED {
+                all().for_each(|i| keep[i] = weights[i] >= 0.1 * least);
+            }
+            // The composite needs the sample that everything infinitely far belongs to.
+            keep[span.outer.end - 1] = true;
+        }
+        let samples = self.samples.pruned(&keep);
+        let split = self.samples.inner.len();
+        let device = self.outer.device();
+        let rows = |features: &Tensor<2>, keep: &[bool]| {
+            let width = features.dims()[1];
+            let rows = host(features.clone());
+            let kept = rows.chunks_exact(width).zip(keep).filter(|(_, k)| **k);
+            matrix(kept.flat_map(|(row, _)| row).copied().collect(), width, &device)
+        };
+        let densities = host(self.density.clone());
+        let kept = densities.iter().zip(&keep).filter(|(_, k)| **k);
+        let density: Vec<f32> = kept.map(|(d, _)| *d).collect();
+        Self {
+            inner: match (&self.inner, samples.inner.is_empty()) {
+                (Some(features), false) => Some(rows(features, &keep[..split])),
+                _ => None,
+            },
+            outer: rows(&self.outer, &keep[split..]),
+            density: Tensor::from_data(density.as_slice(), &device),
+            layout: Arc::new(samples.layout.clone()),
+            samples,
+        }
+    }
+
     /// What an appearance of this configuration is shaded on.
     pub fn prepared(self, config: &AppearanceConfig) -> Self {
         match config.shading {
@@ -267,22 +188,6 @@ impl Geometry {
     }
 }
 
-/// A ray's samples from the `start`th to before the `end`th, near to far.
-fn along(span: &RaySpan, start: usize, end: usize) -> impl Iterator<Item = usize> + use<> {
-    span.inner
-        .clone()
-        .chain(span.outer.clone())
-        .skip(start)
-        .take(end - start)
-}
-
-/// The composite needs the sample that everything infinitely far belongs to.
-fn keep_farthest(samples: &Samples, keep: &mut [bool]) {
-    for span in &samples.layout.rays {
-        keep[span.outer.end - 1] = true;
-    }
-}
-
 /// What rendering rays yields on the host.
 #[derive(Debug, Clone)]
 pub struct RenderedRays {
@@ -315,18 +220,17 @@ pub fn render_rays(
             origins: rays.origins[start..end].to_vec(),
             directions: rays.directions[start..end].to_vec(),
         };
-        let samples = field.contributing(weights, &field.sample(&chunk, grids, None), SHADE_LEAST);
-        let geometry = field.geometry(weights, samples);
+        let geometry = field.geometry(weights, field.sample(&chunk, grids, None));
         out.depth.extend(geometry.median_depth());
-        let surface = appearances
-            .iter()
-            .any(|a| a.config.shading == Shading::Surface)
-            .then(|| geometry.clone().merged());
+        let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
+        let samples = needs(Shading::Samples).then(|| geometry.contributing(SHADE_LEAST));
+        let surface = needs(Shading::Surface).then(|| geometry.clone().merged());
         for (colours, appearance) in out.colours.iter_mut().zip(appearances) {
-            let geometry = match (appearance.config.shading, &surface) {
-                (Shading::Surface, Some(surface)) => surface,
-                _ => &geometry,
+            let prepared = match appearance.config.shading {
+                Shading::Samples => &samples,
+                Shading::Surface => &surface,
             };
+            let geometry = prepared.as_ref().unwrap_or(&geometry);
             let pixels = host(geometry.composite(appearance));
             for pixel in pixels.chunks_exact(CompositeLayout::outputs(3)) {
                 colours.extend(pixel[..3].iter().map(|c| c.clamp(0.0, 1.0)));

@@ -1,14 +1,16 @@
-//! Density-grid marching: rays in, packed samples out.
+//! Density grids say where along its ray a sample is worth its time: rays in, packed samples out.
 
 use crate::config::SamplingConfig;
 use crate::encoding::Positions;
 use crate::field::Grids;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
-use impasto_kernels::{CompositeLayout, RaySpan};
+use impasto_kernels::{CompositeLayout, DensityGrid, RaySpan};
 use rayon::prelude::*;
 
 /// The step of the last outer sample, which everything infinitely far belongs to.
 const LAST_STEP: f32 = 1e10;
+/// Most looks at the inner density grid along a ray.
+const MOST_STEPS: f32 = 1e4;
 /// Rays marched by one task.
 const CHUNK: usize = 64;
 
@@ -170,6 +172,85 @@ fn jitter(seed: u64, ray: usize) -> f32 {
     ((x ^ (x >> 31)) >> 40) as f32 / (1u64 << 24) as f32
 }
 
+/// What a grid says of one step, by level.
+struct Table {
+    /// Share of light that passes.
+    passed: [f32; 256],
+}
+
+impl Table {
+    fn new(step: f32) -> Self {
+        let passed = |level| (-DensityGrid::density_of(level as u8) * step).exp();
+        Self {
+            passed: std::array::from_fn(passed),
+        }
+    }
+}
+
+/// How much light each step along one volume's part of a ray is expected to give.
+#[derive(Default)]
+struct Guide {
+    light: Vec<f32>,
+    /// Light up to and including each step, evenly spread samples included.
+    sums: Vec<f32>,
+}
+
+impl Guide {
+    /// Looks along `count` steps with `transmittance` before the first; returns what is left.
+    fn look(
+        &mut self,
+        count: usize,
+        mut transmittance: f32,
+        table: &Table,
+        level: impl Fn(usize) -> u8,
+    ) -> f32 {
+        self.light.clear();
+        for i in 0..count {
+            let after = transmittance * table.passed[usize::from(level(i))];
+            self.light.push(transmittance - after);
+            transmittance = after;
+        }
+        transmittance
+    }
+
+    /// Widens every step's light to its neighbours', since a grid's cells are coarse, adds `even`
+    /// spread evenly, and returns the sum.
+    fn sum(&mut self, even: f32) -> f32 {
+        let count = self.light.len();
+        let even = even / count.max(1) as f32;
+        let (mut sum, mut before) = (0.0, 0.0f32);
+        self.sums.clear();
+        for i in 0..count {
+            let (own, next) = (self.light[i], self.light[(i + 1).min(count - 1)]);
+            sum += 0.5 * (own.max(before) + own.max(next)) + even;
+            before = own;
+            self.sums.push(sum);
+        }
+        sum
+    }
+
+    /// Cuts the steps into `parts` of equal light; calls `part` with start and end of each, in
+    /// steps.
+    fn cut(&self, parts: usize, mut part: impl FnMut(f32, f32)) {
+        let total = self.sums.last().copied().unwrap_or(0.0);
+        let (mut step, mut start) = (0, 0.0);
+        for i in 1..=parts {
+            let wanted = total * i as f32 / parts as f32;
+            while step + 1 < self.sums.len() && self.sums[step] < wanted {
+                step += 1;
+            }
+            let before = step.checked_sub(1).map_or(0.0, |s| self.sums[s]);
+            let within = (wanted - before) / (self.sums[step] - before).max(1e-20);
+            let end = match i {
+                i if i == parts => self.sums.len() as f32,
+                _ => (step as f32 + within.clamp(0.0, 1.0)).max(start),
+            };
+            part(start, end);
+            start = end;
+        }
+    }
+}
+
 /// One chunk's samples before they are joined.
 #[derive(Default)]
 struct Part {
@@ -182,77 +263,103 @@ struct Part {
     counts: Vec<[usize; 2]>,
 }
 
-impl Part {
-    fn march(
-        &mut self,
-        origin: [f32; 3],
-        direction: [f32; 3],
-        config: &SamplingConfig,
-        grids: &Grids,
+/// What marching needs beside the ray.
+struct March<'a> {
+    config: &'a SamplingConfig,
+    grids: &'a Grids,
+    /// Of both volumes' steps.
+    tables: [Table; 2],
+}
+
+impl March<'_> {
+    fn ray(
+        &self,
+        (origin, direction): ([f32; 3], [f32; 3]),
         jitter: f32,
+        guides: &mut [Guide; 2],
+        part: &mut Part,
     ) {
+        let config = self.config;
         let length = dot(direction, direction).sqrt();
         let view = direction.map(|c| c / length);
-        let before = [self.inner.len(), self.outer.len()];
-        if let Some(far) = exit(origin, direction) {
-            let step = config.inner_step / length;
-            let count = ((far - config.near) / step).ceil().clamp(0.0, 1e5) as usize;
-            for i in 0..count {
-                let t = config.near + (i as f32 + jitter) * step;
-                let point = [0, 1, 2].map(|a| origin[a] + t * direction[a]);
-                let cube = inner_cube(point);
-                if t < far && grids.inner.is_occupied(cube) {
-                    self.inner.raw.extend(point);
-                    self.inner.cube.extend(cube);
-                    self.inner.views.extend(view);
-                    self.inner_steps[0].push(config.inner_step);
-                    self.inner_steps[1].push(t);
-                    self.inner_steps[2].push(contracted_distance(t * length));
-                }
-            }
+        let inner_at = |t: f32| [0, 1, 2].map(|a| origin[a] + t * direction[a]);
+        let outer_step = 1.0 / config.outer_steps as f32;
+        let outer_at = |at: f32| outer_point(origin, direction, 1.0 - at * outer_step);
+
+        let far = exit(origin, direction).unwrap_or(0.0);
+        let inner_range = ((far - config.near) * length).max(0.0);
+        let count = (inner_range / config.inner_step).ceil().min(MOST_STEPS) as usize;
+        let inner_step = inner_range / count.max(1) as f32 / length;
+        let [inner, outer] = guides;
+        let left = inner.look(count, 1.0, &self.tables[0], |i| {
+            let t = config.near + (i as f32 + 0.5) * inner_step;
+            self.grids.inner.level(inner_cube(inner_at(t)))
+        });
+        let left = outer.look(config.outer_steps, left, &self.tables[1], |i| {
+            let (point, _) = outer_at(i as f32 + 0.5);
+            self.grids.outer.level(outer_cube(point))
+        });
+        if let Some(last) = outer.light.last_mut() {
+            *last += left;
         }
-        let step = 1.0 / config.outer_steps as f32;
-        for i in 0..config.outer_steps {
-            let last = i + 1 == config.outer_steps;
-            let (point, depth) = outer_point(origin, direction, 1.0 - (i as f32 + jitter) * step);
-            let cube = outer_cube(point);
-            if last || grids.outer.is_occupied(cube) {
-                self.outer.raw.extend(point);
-                self.outer.cube.extend(cube);
-                self.outer.views.extend(view);
-                self.outer_steps[0].push(if last { LAST_STEP } else { step });
-                self.outer_steps[1].push(depth);
-                self.outer_steps[2].push(contracted_distance(depth * length));
-            }
-        }
-        self.counts
-            .push([self.inner.len() - before[0], self.outer.len() - before[1]]);
+        // Even shares by volume: both have their places that no grid knows of.
+        let masses = [inner.sum(0.5 * config.explore), outer.sum(0.5 * config.explore)];
+        let share = masses[0] / (masses[0] + masses[1]).max(1e-20);
+        let within = ((config.samples as f32 * share).round() as usize)
+            .min(config.samples.saturating_sub(1));
+        let within = if count == 0 { 0 } else { within };
+        inner.cut(within, |start, end| {
+            let t = config.near + (start + jitter * (end - start)) * inner_step;
+            let point = inner_at(t);
+            part.inner.raw.extend(point);
+            part.inner.cube.extend(inner_cube(point));
+            part.inner.views.extend(view);
+            part.inner_steps[0].push((end - start) * inner_step * length);
+            part.inner_steps[1].push(t);
+            part.inner_steps[2].push(contracted_distance(t * length));
+        });
+        let beyond = config.samples.max(1) - within;
+        let mut left = beyond;
+        outer.cut(beyond, |start, end| {
+            left -= 1;
+            let (point, depth) = outer_at(start + jitter * (end - start));
+            part.outer.raw.extend(point);
+            part.outer.cube.extend(outer_cube(point));
+            part.outer.views.extend(view);
+            let delta = if left == 0 { LAST_STEP } else { (end - start) * outer_step };
+            part.outer_steps[0].push(delta);
+            part.outer_steps[1].push(depth);
+            part.outer_steps[2].push(contracted_distance(depth * length));
+        });
+        part.counts.push([within, beyond]);
     }
 }
 
-/// Samples every ray where the density grids are occupied.
+/// Places every ray's samples where the density grids expect its light: each sample stands for an
+/// equal part of it (but for the share that is spread evenly), and for the length of the ray up to
+/// the next one's part.
 ///
-/// With a `seed`, sample positions are shifted by a random part of a step, one per ray; without,
-/// they lie in the middle of their steps.
+/// With a `seed`, samples lie at a random place inside their parts, the same for all of one ray;
+/// without, in the middle.
 pub fn march(
     rays: &RayBatch,
     config: &SamplingConfig,
     grids: &Grids,
     seed: Option<u64>,
 ) -> Samples {
+    let march = March {
+        config,
+        grids,
+        tables: [config.inner_step, 1.0 / config.outer_steps as f32].map(Table::new),
+    };
     let parts: Vec<Part> = (0..rays.len().div_ceil(CHUNK))
         .into_par_iter()
-        .map(|chunk| {
+        .map_init(<[Guide; 2]>::default, |guides, chunk| {
             let mut part = Part::default();
             for ray in chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len()) {
                 let shift = seed.map_or(0.5, |seed| jitter(seed, ray));
-                part.march(
-                    rays.origins[ray],
-                    rays.directions[ray],
-                    config,
-                    grids,
-                    shift,
-                );
+                let ray = (rays.origins[ray], rays.directions[ray]);
+                march.ray(ray, shift, guides, &mut part);
             }
             part
         })

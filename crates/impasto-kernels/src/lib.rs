@@ -13,7 +13,8 @@ pub mod ops;
 
 pub use cpu::adam::AdamStep;
 pub use cpu::composite::{CompositeLayout, RaySpan};
+pub use cpu::density_grid::DensityGrid;
 pub use cpu::hash_grid::HashGridSpec;
 pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
-pub use cpu::occupancy::OccupancyGrid;
+
 pub use cpu::perceptual::{ConvLayer, PerceptualStack};

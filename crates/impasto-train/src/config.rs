@@ -121,8 +121,10 @@ impl TrainConfig {
                 inner: volume(grid(16, 1024.0)),
                 outer: volume(grid(16, 1024.0)),
                 sampling: SamplingConfig {
-                    inner_step: 0.01,
-                    outer_steps: 128,
+                    samples: 32,
+                    explore: 0.1,
+                    inner_step: 0.02,
+                    outer_steps: 96,
                     inner_grid: 96,
                     outer_grid: 96,
                     near: 0.05,
@@ -276,6 +278,12 @@ impl TrainConfig {
                 (1..=4096).contains(&s.hyper_width),
                 "1 to 4096",
             ),
+            (
+                "field.sampling.samples",
+                (1..=4096).contains(&sampling.samples),
+                "1 to 4096",
+            ),
+            ("field.sampling.explore", share(sampling.explore), "0 to 1"),
             (
                 "field.sampling.inner_step",
                 sampling.inner_step >= 1e-4 && sampling.inner_step <= 1.0,

@@ -6,7 +6,7 @@ use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
 use burn::tensor::{Device, Tensor};
 use glam::{DVec3, DVec4, Vec4Swizzles};
 use impasto_field::{
-    Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, contracted_distance,
+    Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, Visible, contracted_distance,
     encoding::matrix, render::host,
 };
 use impasto_kernels::ops::AdamParam;
@@ -14,16 +14,10 @@ use impasto_scene::{Camera, Scene, Split};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Steps during which nothing is skipped, so that every place has its chance to form.
-const GRID_WARMUP: u64 = 32;
-/// Samples with less transmittance than this in front of them are left out of a step.
-const LIT: f32 = 1e-3;
-/// Share of the cells looked at, at each update: many while the field forms, then few.
-const GRID_SHARES: [f32; 2] = [0.5, 0.15];
-/// Steps after which the field has formed.
-const GRID_FORMED: u64 = 300;
-/// How much longer steps are until then.
-const COARSENESS: f32 = 2.5;
+/// Share of a grid's cells looked at, at each update: of all, and of those that hold something.
+const GRID_SHARES: [f32; 2] = [0.03, 0.2];
+/// Density that grids start from: none is known better than any other.
+const FIRST_DENSITY: f32 = 1.0;
 
 /// A field in training.
 pub struct GeometryStage {
@@ -34,9 +28,8 @@ pub struct GeometryStage {
     params: Params,
     app: Appearance,
     grids: Grids,
-    candidates: Grids,
+    visible: Visible,
     rng: Pcg64,
-    samples_per_ray: f32,
     step: u64,
 }
 
@@ -92,18 +85,17 @@ impl GeometryStage {
         let weights = field.init(&mut rng, device);
         let app = Appearance::init(config.photo_app.clone(), field.features(), &mut rng, device);
         let cameras = scene.cameras(Split::Train);
-        let candidates = field.visible_grids(|point| seen_by_any(&cameras, point));
+        let visible = field.visible(|point| seen_by_any(&cameras, point));
         Self {
             params: Params::new(weights, &app),
             app,
-            grids: candidates.clone(),
-            candidates,
+            grids: field.grids(FIRST_DENSITY, Some(&visible)),
+            visible,
             config: config.geometry.clone(),
             photos: crate::rays::photo_rays(scene.train().map(|(_, p)| p)),
             surfaces: known_surfaces(scene),
             field,
             rng,
-            samples_per_ray: 100.0,
             step: 0,
         }
     }
@@ -130,23 +122,19 @@ impl GeometryStage {
     /// One optimiser step.
     pub fn step(&mut self, clock: &Clock) -> StepReport {
         let progress = clock.progress() as f32;
-        if self.step >= GRID_WARMUP && self.step.is_multiple_of(self.config.grid_every) {
-            let share = match self.step {
-                GRID_WARMUP => 1.0,
-                step => GRID_SHARES[usize::from(step > GRID_FORMED)],
-            };
+        if self.step.is_multiple_of(self.config.grid_every) {
             let weights = self.params.weights(AdamParam::value);
             self.field.update_grids(
                 &mut self.grids,
                 &weights,
-                &self.candidates,
-                share,
+                &self.visible,
+                GRID_SHARES,
                 &mut self.rng,
             );
         }
         let [fewest, most] = self.config.rays;
-        let rays =
-            ((self.config.samples as f32 / self.samples_per_ray) as usize).clamp(fewest, most);
+        let per_ray = self.field.config.sampling.samples.max(1);
+        let rays = (self.config.samples / per_ray).clamp(fewest, most);
         let known = if self.surfaces.is_empty() {
             0
         } else {
@@ -159,18 +147,7 @@ impl GeometryStage {
             &mut self.rng,
         );
         let seed = self.rng.random();
-        let mut samples = match self.step < GRID_FORMED {
-            true => self
-                .field
-                .sample_coarsely(&targets.rays, &self.grids, seed, COARSENESS),
-            false => self.field.sample(&targets.rays, &self.grids, Some(seed)),
-        };
-        self.samples_per_ray =
-            0.9 * self.samples_per_ray + 0.1 * samples.len() as f32 / rays as f32;
-        if self.step >= GRID_WARMUP {
-            let weights = self.params.weights(AdamParam::value);
-            samples = self.field.reached(&weights, &samples, LIT);
-        }
+        let mut samples = self.field.sample(&targets.rays, &self.grids, Some(seed));
         measure_from_surfaces(&mut samples, &targets);
         let fade = self.config.final_rate.powf(progress);
         let loss = self.descend(samples, &targets, fade, progress);
@@ -186,7 +163,9 @@ impl GeometryStage {
             ..self.app.clone()
         };
         let rays = targets.rays.len();
-        let out = self.field.geometry(&weights, samples).composite(&app);
+        let geometry = self.field.geometry(&weights, samples);
+        geometry.remember(&mut self.grids);
+        let out = geometry.composite(&app);
         let target = matrix(targets.colours.clone(), 3, &out.device());
         let error = (out.clone().slice([0..rays, 0..3]) - target)
             .square()
@@ -208,7 +187,7 @@ impl GeometryStage {
         let fields = fields.map(|w| [&w.encoding, &w.base, &w.geo].map(&mut taken));
         let apps = [&app.inner, &app.outer].map(&mut taken);
         // Adam works in place only on what nobody else holds.
-        drop((weights, app, out));
+        drop((weights, app, out, geometry));
         let (grids, networks) = (
             self.config.grid_rate * fade,
             self.config.network_rate * fade,

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use impasto_field::branch::vector;
 use impasto_field::render::host;
 use impasto_field::{Appearance, BranchWeights, Canvas, Field, FieldWeights, Grids};
-use impasto_kernels::OccupancyGrid;
+use impasto_kernels::DensityGrid;
 use impasto_scene::{Camera, Normalisation, Split};
 use impasto_style::HypernetworkWeights;
 use safetensors::SafeTensors;
@@ -21,7 +21,7 @@ pub const MODEL_FILE: &str = "model.safetensors";
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// One photo that a model was made from; the pixels are not kept.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -106,12 +106,12 @@ fn floats(name: impl Into<String>, tensor: &Tensor<1>) -> Entry {
     }
 }
 
-fn flags(name: &str, grid: &OccupancyGrid) -> Entry {
+fn levels(name: &str, grid: &DensityGrid) -> Entry {
     Entry {
         name: name.into(),
         dtype: Dtype::U8,
         length: grid.cells(),
-        bytes: grid.flags().iter().map(|f| u8::from(*f)).collect(),
+        bytes: grid.levels().to_vec(),
     }
 }
 
@@ -120,8 +120,8 @@ const VOLUMES: [&str; 2] = ["inner", "outer"];
 impl ModelFile {
     fn entries(&self) -> Vec<Entry> {
         let mut entries = vec![
-            flags("inner.grid", &self.grids.inner),
-            flags("outer.grid", &self.grids.outer),
+            levels("inner.grid", &self.grids.inner),
+            levels("outer.grid", &self.grids.outer),
         ];
         let branches = [&self.weights.inner, &self.weights.outer];
         let apps = [&self.photo_app.inner, &self.photo_app.outer];
@@ -270,12 +270,12 @@ impl Reader<'_> {
         ))
     }
 
-    fn grid(&self, name: &str) -> Result<OccupancyGrid, String> {
+    fn grid(&self, name: &str) -> Result<DensityGrid, String> {
         let tensor = self
             .tensors
             .tensor(name)
             .map_err(|_| format!("lacks the tensor \"{name}\""))?;
-        OccupancyGrid::from_flags(tensor.data().iter().map(|b| *b != 0).collect())
+        DensityGrid::from_levels(tensor.data().to_vec())
             .ok_or_else(|| format!("holds \"{name}\", which is no cube"))
     }
 

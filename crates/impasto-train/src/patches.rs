@@ -163,10 +163,8 @@ impl PatchPool {
             photo_app,
         } = &self.frozen;
         let samples = self.field.sample(&batch, grids, Some(rng.random()));
-        let samples = self
-            .field
-            .contributing(weights, &samples, self.least_weight);
         let geometry = self.field.geometry(weights, samples);
+        let geometry = geometry.contributing(self.least_weight);
         let photo = geometry.clone().prepared(&photo_app.config);
         let colours = photo.composite(photo_app);
         let pixels = host(self.averaged(colours).clamp(0.0, 1.0));

@@ -2,9 +2,10 @@
 
 pub mod adam;
 pub mod composite;
+pub mod density_grid;
 pub mod hash_grid;
 pub mod mlp;
-pub mod occupancy;
+
 pub mod perceptual;
 
 mod math;

@@ -1,0 +1,193 @@
+//! A coarse memory of a field's density over the unit cube, by which samples are placed (after
+//! the occupancy grids of Müller et al. 2022, §E.2; here it holds densities, one byte each).
+
+use rayon::prelude::*;
+
+/// Density of level 1; anything thinner is level 0, nothing.
+const THINNEST: f32 = 1e-2;
+/// ln of the ratio of two neighbouring levels' densities: 255 levels reach 1e5.
+const RATIO: f32 = 0.0635;
+/// Beyond this, opacities are no longer told apart.
+const MOST_OPACITY: f32 = 1.0 - 1e-6;
+/// How far one look moves what is remembered of a cell: looks go to random places of it.
+const RATE: f32 = 0.15;
+
+/// Remembered densities of a cubic grid, logarithmic, one byte a cell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DensityGrid {
+    resolution: usize,
+    levels: Vec<u8>,
+    /// Mean opacity of a cell's width.
+    opacity: Vec<f32>,
+}
+
+impl DensityGrid {
+    /// A grid of `resolution³` cells of one density.
+    pub fn new(resolution: usize, density: f32) -> Self {
+        let cells = resolution * resolution * resolution;
+        Self::with_levels(resolution, vec![Self::level_of(density); cells])
+    }
+
+    fn with_levels(resolution: usize, levels: Vec<u8>) -> Self {
+        let opacity = |l: &u8| opacity(Self::density_of(*l), resolution);
+        Self {
+            resolution,
+            opacity: levels.iter().map(opacity).collect(),
+            levels,
+        }
+    }
+
+    /// A grid from stored levels, x fastest; `None` if their number is no cube of 1 to 512.
+    pub fn from_levels(levels: Vec<u8>) -> Option<Self> {
+        let resolution = (1..=512).find(|r| r * r * r == levels.len())?;
+        Some(Self::with_levels(resolution, levels))
+    }
+
+    /// One level per cell, x fastest.
+    pub fn levels(&self) -> &[u8] {
+        &self.levels
+    }
+
+    /// Cells along an axis.
+    pub fn resolution(&self) -> usize {
+        self.resolution
+    }
+
+    /// Number of cells.
+    pub fn cells(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// The level whose density is nearest. What is not finite counts as the densest.
+    pub fn level_of(density: f32) -> u8 {
+        if density < THINNEST {
+            return 0;
+        }
+        let level = (density / THINNEST).ln() / RATIO + 1.5;
+        if level < 255.0 { level as u8 } else { 255 }
+    }
+
+    /// The density of a level.
+    pub fn density_of(level: u8) -> f32 {
+        match level {
+            0 => 0.0,
+            level => THINNEST * (RATIO * f32::from(level - 1)).exp(),
+        }
+    }
+
+    /// Position in the unit cube of a cell, at `offset` (in `[0, 1)³`) inside it.
+    pub fn position(&self, cell: usize, offset: [f32; 3]) -> [f32; 3] {
+        let r = self.resolution;
+        let index = [cell % r, cell / r % r, cell / (r * r)];
+        std::array::from_fn(|axis| (index[axis] as f32 + offset[axis]) / r as f32)
+    }
+
+    /// The cell around a point; `None` outside the cube and for what is no number.
+    #[inline(always)]
+    pub fn cell(&self, point: [f32; 3]) -> Option<usize> {
+        let r = self.resolution as f32;
+        let mut cell = 0;
+        for axis in (0..3).rev() {
+            let x = point[axis] * r;
+            // Written so that NaN is refused too.
+            if !(x >= 0.0 && x < r) {
+                return None;
+            }
+            cell = cell * self.resolution + x as usize;
+        }
+        Some(cell)
+    }
+
+    /// Level of the cell around a point; 0 outside the cube.
+    #[inline(always)]
+    pub fn level(&self, point: [f32; 3]) -> u8 {
+        self.cell(point).map_or(0, |cell| self.levels[cell])
+    }
+
+    /// Takes note of the density at a point. Levels change with the next [`Self::settle`].
+    pub fn observe(&mut self, point: [f32; 3], density: f32) {
+        if let Some(cell) = self.cell(point) {
+            let seen = opacity(density, self.resolution);
+            // What cannot be measured counts as opaque, so that it is not skipped.
+            let seen = if seen.is_finite() { seen } else { 1.0 };
+            self.opacity[cell] += RATE * (seen - self.opacity[cell]);
+        }
+    }
+
+    /// Sets every cell's level to what was observed.
+    pub fn settle(&mut self) {
+        let cells = self.resolution as f32;
+        let level = |o: &f32| Self::level_of(-(1.0 - o.min(MOST_OPACITY)).ln() * cells);
+        self.levels
+            .par_iter_mut()
+            .zip(&self.opacity)
+            .for_each(|(l, o)| *l = level(o));
+    }
+
+    /// Empties every cell that `allowed` (one flag per cell) does not name.
+    pub fn keep_only(&mut self, allowed: &[bool]) {
+        let cells = self.levels.iter_mut().zip(&mut self.opacity);
+        for ((level, opacity), _) in cells.zip(allowed).filter(|(_, allowed)| !**allowed) {
+            (*level, *opacity) = (0, 0.0);
+        }
+    }
+}
+
+/// Opacity of one cell's width.
+fn opacity(density: f32, resolution: usize) -> f32 {
+    1.0 - (-density.max(0.0) / resolution as f32).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_densities_within_their_ratio() {
+        for density in [0.011, 0.5, 1.0, 37.0, 1e4] {
+            let kept = DensityGrid::density_of(DensityGrid::level_of(density));
+            assert!((kept / density).ln().abs() <= 0.51 * RATIO, "{density} became {kept}");
+        }
+        assert_eq!(DensityGrid::density_of(DensityGrid::level_of(0.0)), 0.0);
+        let levels = (0..=255).map(|l| DensityGrid::level_of(DensityGrid::density_of(l)));
+        assert!(levels.eq(0..=255));
+    }
+
+    #[test]
+    fn learns_what_is_there_and_forgets_what_is_not() {
+        let mut grid = DensityGrid::new(4, 0.0);
+        let at = grid.position(21, [0.5; 3]);
+        let mut look = |density: f32| {
+            (0..80).for_each(|_| grid.observe(at, density));
+            grid.settle();
+            (grid.level(at), grid.levels().iter().filter(|l| **l > 0).count())
+        };
+        let (level, others) = look(5.0);
+        assert!(level.abs_diff(DensityGrid::level_of(5.0)) <= 1 && others == 1);
+        assert_eq!(look(0.0), (0, 0));
+        assert_eq!(look(f32::NAN).1, 1, "what cannot be measured is not skipped");
+    }
+
+    #[test]
+    fn what_is_stored_is_what_is_read() {
+        let grid = DensityGrid::from_levels((0..27).collect());
+        let levels = grid.as_ref().map(|g| g.levels().to_vec());
+        let mut settled = grid.clone();
+        if let Some(grid) = &mut settled {
+            grid.settle();
+        }
+        assert_eq!(settled, grid);
+        assert_eq!(levels, Some((0..27).collect()));
+        assert_eq!(DensityGrid::from_levels(vec![0; 26]), None);
+    }
+
+    #[test]
+    fn poisoned_points() {
+        let mut grid = DensityGrid::new(2, 1.0);
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.1, 1.0] {
+            assert_eq!(grid.cell([0.5, bad, 0.5]), None);
+            grid.observe([0.5, bad, 0.5], 9.0);
+        }
+        assert_eq!(grid, DensityGrid::new(2, 1.0));
+    }
+}
