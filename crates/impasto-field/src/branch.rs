@@ -1,9 +1,10 @@
 //! One volume's shape: encoding, `base` and `geo`.
 
+use crate::appearance::AppearanceConfig;
 use crate::config::{DensityActivation, VolumeConfig};
 use crate::encoding::{Positions, encode};
 use burn::tensor::{Device, Tensor, TensorData};
-use impasto_kernels::{MlpSpec, ops};
+use impasto_kernels::{Density, MlpSpec, VolumeSpec, ops};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -100,6 +101,24 @@ impl Branch {
         ]
     }
 
+    /// Layers from encoding to colour, with an `app` on this branch's features.
+    pub(crate) fn volume_spec(&self, app: &AppearanceConfig) -> VolumeSpec {
+        VolumeSpec {
+            base: self.base.clone(),
+            geo: self.geo.clone(),
+            density: match self.config.density {
+                DensityActivation::Exp => Density::Exp,
+                DensityActivation::Abs => Density::Abs,
+            },
+            app: app.spec(self.features(), self.dimensions),
+        }
+    }
+
+    /// Encoded positions, `[n, width of the encoding]`.
+    pub(crate) fn encode(&self, weights: &BranchWeights, positions: &Positions<'_>) -> Tensor<2> {
+        encode(&self.config.encoding, &weights.encoding, positions)
+    }
+
     /// Features and density at positions.
     ///
     /// # Shapes
@@ -110,7 +129,7 @@ impl Branch {
         weights: &BranchWeights,
         positions: &Positions<'_>,
     ) -> (Tensor<2>, Tensor<1>) {
-        let encoded = encode(&self.config.encoding, &weights.encoding, positions);
+        let encoded = self.encode(weights, positions);
         let features = ops::mlp(encoded, weights.base.clone(), &self.base);
         let raw: Tensor<1> =
             ops::mlp(features.clone(), weights.geo.clone(), &self.geo).squeeze_dim(1);

@@ -15,6 +15,7 @@ pub mod branch;
 pub mod config;
 pub mod encoding;
 pub mod field;
+pub mod loss;
 pub mod render;
 pub mod sampling;
 pub mod sphere;

@@ -47,11 +47,6 @@ impl Geometry {
         }
     }
 
-    /// Lets the grids take note of the densities found here.
-    pub fn remember(&self, grids: &mut Grids) {
-        grids.observe(&self.samples, &host(self.density.clone()));
-    }
-
     /// Contribution of each sample to its ray.
     pub fn weights(&self) -> Vec<f32> {
         composite::weights(&self.layout, &host(self.density.clone()))

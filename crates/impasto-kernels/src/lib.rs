@@ -18,3 +18,4 @@ pub use cpu::hash_grid::HashGridSpec;
 pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
 
 pub use cpu::perceptual::{ConvLayer, PerceptualStack};
+pub use cpu::radiance::{Density, RadianceSpec, Volume, VolumeSpec};

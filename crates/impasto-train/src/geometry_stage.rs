@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use glam::{DVec3, DVec4, Vec4Swizzles};
 use impasto_field::{
     Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, Visible, contracted_distance,
-    encoding::matrix, render::host,
+    loss::Wanted, render::host,
 };
 use impasto_kernels::ops::AdamParam;
 use impasto_scene::{Camera, Scene, Split};
@@ -150,44 +150,40 @@ impl GeometryStage {
         let mut samples = self.field.sample(&targets.rays, &self.grids, Some(seed));
         measure_from_surfaces(&mut samples, &targets);
         let fade = self.config.final_rate.powf(progress);
-        let loss = self.descend(samples, &targets, fade, progress);
+        let loss = self.descend(&samples, &targets, fade, progress);
         self.step += 1;
         StepReport { loss, rays }
     }
 
-    fn descend(&mut self, samples: Samples, targets: &Targets, fade: f32, progress: f32) -> f64 {
+    fn descend(&mut self, samples: &Samples, targets: &Targets, fade: f32, progress: f32) -> f64 {
         let weights = self.params.weights(AdamParam::tracked);
         let app = Appearance {
             inner: self.params.app[0].tracked(),
             outer: self.params.app[1].tracked(),
             ..self.app.clone()
         };
-        let rays = targets.rays.len();
-        let geometry = self.field.geometry(&weights, samples);
-        geometry.remember(&mut self.grids);
-        let out = geometry.composite(&app);
-        let target = matrix(targets.colours.clone(), 3, &out.device());
-        let error = (out.clone().slice([0..rays, 0..3]) - target)
-            .square()
-            .mean();
-        let column = |i: usize| out.clone().slice([0..rays, i..i + 1]);
-        let known = targets
-            .distances
-            .iter()
-            .filter(|d| d.is_some())
-            .count()
-            .max(1);
-        // Too early, the distortion measure freezes whatever haze there is.
-        let distortion = self.config.distortion * (progress * 10.0).min(1.0);
-        let surface = self.config.surface * (1.0 - progress).powi(2) * rays as f32 / known as f32;
-        let loss = error.clone() + column(5).mean() * distortion + column(4).mean() * surface;
-        let mut gradients = loss.backward();
+        let rays = targets.rays.len() as f32;
+        let known = targets.distances.iter().flatten().count().max(1) as f32;
+        let wanted = Wanted {
+            colours: targets.colours.clone(),
+            // Too early, the distortion measure freezes whatever haze there is.
+            distortion: self.config.distortion * (progress * 10.0).min(1.0),
+            depth: self.config.surface * (1.0 - progress).powi(2) * rays / known,
+        };
+        let loss = self.field.loss(&weights, &app, samples, wanted);
+        let numbers = host(loss.clone().inner());
+        let (error, densities) = match numbers.split_at(2) {
+            (&[_, error], densities) => (error, densities),
+            _ => unreachable!("two numbers come before the densities"),
+        };
+        self.grids.observe(samples, densities);
+        let mut gradients = loss.slice_dim(0, 0..1).backward();
         let mut taken = |leaf: &Tensor<1>| leaf.grad_remove(&mut gradients);
         let fields = [&weights.inner, &weights.outer];
         let fields = fields.map(|w| [&w.encoding, &w.base, &w.geo].map(&mut taken));
         let apps = [&app.inner, &app.outer].map(&mut taken);
         // Adam works in place only on what nobody else holds.
-        drop((weights, app, out, geometry));
+        drop((weights, app));
         let (grids, networks) = (
             self.config.grid_rate * fade,
             self.config.network_rate * fade,
@@ -200,7 +196,7 @@ impl GeometryStage {
         for (param, grad) in self.params.app.iter_mut().zip(apps) {
             descend_one(param, grad, networks, false);
         }
-        f64::from(host(error.inner())[0])
+        f64::from(error)
     }
 }
 

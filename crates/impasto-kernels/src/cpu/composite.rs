@@ -1,6 +1,8 @@
 //! Volume compositing of packed samples (PAPER §3): inner samples first, then the outer volume's
 //! behind them, one transmittance running through both.
 
+use super::math::exp;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -43,9 +45,18 @@ impl CompositeLayout {
     }
 }
 
-#[inline(always)]
-fn alpha(sigma: f32, delta: f32) -> f32 {
-    1.0 - (-sigma * delta).exp()
+/// Opacity of each sample, `1 − e^(−σδ)`.
+pub(crate) fn opacities(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
+    struct Opacities<'a>(&'a [f32], &'a [f32]);
+    impl WithSimd for Opacities<'_> {
+        type Output = Vec<f32>;
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
+            let pairs = self.0.iter().zip(self.1);
+            pairs.map(|(delta, sigma)| 1.0 - exp(-sigma * delta)).collect()
+        }
+    }
+    Arch::new().dispatch(Opacities(deltas, sigma))
 }
 
 /// Contribution of each sample, `(1 − e^(−σδ)) · T`.
@@ -54,10 +65,11 @@ fn alpha(sigma: f32, delta: f32) -> f32 {
 /// `sigma`: one non-negative density per sample; result: one weight per sample.
 pub fn weights(layout: &CompositeLayout, sigma: &[f32]) -> Vec<f32> {
     let mut weights = vec![0.0; sigma.len()];
+    let opacities = opacities(&layout.deltas, sigma);
     for span in &layout.rays {
         let mut transmittance = 1.0;
         for i in CompositeLayout::samples(span) {
-            let a = alpha(sigma[i], layout.deltas[i]);
+            let a = opacities[i];
             weights[i] = a * transmittance;
             transmittance *= 1.0 - a + TRANSMITTANCE_EPS;
         }
@@ -82,29 +94,38 @@ pub fn forward(
     check(layout, sigma, colours, channels);
     let width = CompositeLayout::outputs(channels);
     let mut out = vec![0.0; layout.rays.len() * width];
+    let opacities = opacities(&layout.deltas, sigma);
     out.par_chunks_mut(width)
         .with_min_len(64)
         .zip(&layout.rays)
-        .for_each(|(out, span)| {
-            let mut transmittance = 1.0;
-            let (mut mass, mut moment) = (0.0f32, 0.0f32);
-            for i in CompositeLayout::samples(span) {
-                let a = alpha(sigma[i], layout.deltas[i]);
-                let w = a * transmittance;
-                transmittance *= 1.0 - a + TRANSMITTANCE_EPS;
-                for c in 0..channels {
-                    out[c] += w * colours[i * channels + c];
-                }
-                let s = layout.distances[i];
-                out[channels] += w;
-                out[channels + 1] += w * layout.depths[i];
-                // Σ_ij w_i w_j |s_i − s_j| for sorted s, accumulated in one pass.
-                out[channels + 2] += 2.0 * w * (s * mass - moment);
-                mass += w;
-                moment += w * s;
-            }
-        });
+        .for_each(|(out, span)| ray_forward(layout, span, (&opacities, colours), channels, out));
     out
+}
+
+/// Adds one ray's samples to `out`, zeros before.
+pub(crate) fn ray_forward(
+    layout: &CompositeLayout,
+    span: &RaySpan,
+    (opacities, colours): (&[f32], &[f32]),
+    channels: usize,
+    out: &mut [f32],
+) {
+    let mut transmittance = 1.0;
+    let (mut mass, mut moment) = (0.0f32, 0.0f32);
+    for i in CompositeLayout::samples(span) {
+        let w = opacities[i] * transmittance;
+        transmittance *= 1.0 - opacities[i] + TRANSMITTANCE_EPS;
+        for c in 0..channels {
+            out[c] += w * colours[i * channels + c];
+        }
+        let s = layout.distances[i];
+        out[channels] += w;
+        out[channels + 1] += w * layout.depths[i];
+        // Σ_ij w_i w_j |s_i − s_j| for sorted s, accumulated in one pass.
+        out[channels + 2] += 2.0 * w * (s * mass - moment);
+        mass += w;
+        moment += w * s;
+    }
 }
 
 /// Gradients of [`forward`] for densities and colours; deltas, depths and distances are constants.
@@ -130,22 +151,23 @@ pub fn backward(
     );
     let mut sigma_grad = vec![0.0; sigma.len()];
     let mut colour_grad = vec![0.0; colours.len()];
+    let opacities = &opacities(&layout.deltas, sigma);
     split_by_ray(layout, &mut sigma_grad, &mut colour_grad, channels)
         .par_iter_mut()
         .zip(&layout.rays)
         .zip(grad.par_chunks_exact(width))
         .with_min_len(64)
         .for_each_init(Vec::new, |steps, ((out, span), grad)| {
-            ray_backward(layout, span, (sigma, colours), channels, grad, steps, out);
+            ray_backward(layout, span, (opacities, colours), channels, grad, steps, out);
         });
     (sigma_grad, colour_grad)
 }
 
 /// The parts of the gradient arrays that belong to one span of samples.
 #[derive(Default)]
-struct SpanGrads<'a> {
-    sigma: &'a mut [f32],
-    colours: &'a mut [f32],
+pub(crate) struct SpanGrads<'a> {
+    pub(crate) sigma: &'a mut [f32],
+    pub(crate) colours: &'a mut [f32],
 }
 
 /// Cuts the gradient arrays into each ray's inner and outer part.
@@ -189,17 +211,18 @@ fn split_by_ray<'a>(
 }
 
 /// What the reverse sweep over one ray needs from the forward sweep.
-struct Step {
+pub(crate) struct Step {
     index: usize,
     alpha: f32,
     transmittance: f32,
     weight: f32,
 }
 
-fn ray_backward(
+/// Writes one ray's gradients; `steps` is scratch.
+pub(crate) fn ray_backward(
     layout: &CompositeLayout,
     span: &RaySpan,
-    (sigma, colours): (&[f32], &[f32]),
+    (opacities, colours): (&[f32], &[f32]),
     channels: usize,
     grad: &[f32],
     steps: &mut Vec<Step>,
@@ -209,7 +232,7 @@ fn ray_backward(
     let mut transmittance = 1.0;
     let (mut mass, mut moment) = (0.0f32, 0.0f32);
     for index in CompositeLayout::samples(span) {
-        let alpha = alpha(sigma[index], layout.deltas[index]);
+        let alpha = opacities[index];
         let weight = alpha * transmittance;
         steps.push(Step {
             index,

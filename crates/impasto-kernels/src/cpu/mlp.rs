@@ -111,15 +111,16 @@ impl MlpSpec {
 
 /// Parameters in the order that products read them: per layer a row-major `inputs × outputs`
 /// weight; biases as they are.
-struct Packed<'a> {
-    spec: &'a MlpSpec,
+pub(crate) struct Packed<'a> {
+    pub(crate) spec: &'a MlpSpec,
     params: &'a [f32],
     /// One per layer.
     transposed: Vec<Vec<f32>>,
 }
 
 impl<'a> Packed<'a> {
-    fn new(spec: &'a MlpSpec, params: &'a [f32]) -> Self {
+    pub(crate) fn new(spec: &'a MlpSpec, params: &'a [f32]) -> Self {
+        assert_eq!(params.len(), spec.params(), "parameters of an MLP");
         let mut packed = Self {
             spec,
             params,
@@ -158,35 +159,44 @@ impl<'a> Packed<'a> {
 }
 
 /// One block's activations, kept for the backward pass.
-struct Tape {
-    /// Output of each layer, `BLOCK × outputs`.
+pub(crate) struct Tape {
+    /// Output of each layer, `rows × outputs`.
     outputs: Vec<Vec<f32>>,
     /// LayerNorm's output before the activation, empty where a layer has none.
     normalised: Vec<Vec<f32>>,
     /// LayerNorm's `1 / sqrt(var + eps)` per row.
     inverse_std: Vec<Vec<f32>>,
+    /// Gradients on their way back, `rows × widest`.
+    current: Vec<f32>,
+    next: Vec<f32>,
 }
 
 impl Tape {
-    /// Room for a block, or for all `rows` if they are fewer.
-    fn new(spec: &MlpSpec, rows: usize) -> Self {
-        let rows = rows.min(BLOCK);
-        let norm = |n: usize| {
-            move |l: &LayerSpec| vec![0.0; if l.layer_norm { rows * n.max(1) } else { 0 }]
-        };
+    /// Room for blocks of up to `rows` rows.
+    pub(crate) fn new(spec: &MlpSpec, rows: usize) -> Self {
+        let room = |l: &LayerSpec, n: usize| vec![0.0; if l.layer_norm { rows * n } else { 0 }];
+        let widths = spec.layers.iter().map(|l| l.inputs.max(l.outputs));
+        let widest = rows * widths.max().unwrap_or(0);
+        let layers = || spec.layers.iter();
         Self {
-            outputs: spec
-                .layers
-                .iter()
-                .map(|l| vec![0.0; rows * l.outputs])
-                .collect(),
-            normalised: spec.layers.iter().map(|l| norm(l.outputs)(l)).collect(),
-            inverse_std: spec.layers.iter().map(norm(1)).collect(),
+            outputs: layers().map(|l| vec![0.0; rows * l.outputs]).collect(),
+            normalised: layers().map(|l| room(l, l.outputs)).collect(),
+            inverse_std: layers().map(|l| room(l, 1)).collect(),
+            current: vec![0.0; widest],
+            next: vec![0.0; widest],
         }
     }
 
+    /// The last layer's output for the block that went through last, behind which older ones may
+    /// lie.
+    pub(crate) fn output(&self) -> &[f32] {
+        &self.outputs[self.outputs.len() - 1]
+    }
+
+    /// Sends a block of rows through the layers.
     #[inline(always)]
-    fn forward<S: Simd>(&mut self, simd: S, packed: &Packed<'_>, x: &[f32], rows: usize) {
+    pub(crate) fn forward<S: Simd>(&mut self, simd: S, packed: &Packed<'_>, x: &[f32]) {
+        let rows = x.len() / packed.spec.inputs();
         for (i, layer) in packed.spec.layers.iter().enumerate() {
             let (before, rest) = self.outputs.split_at_mut(i);
             let input = if i == 0 {
@@ -209,9 +219,49 @@ impl Tape {
         }
     }
 
-    /// Turns `grad` (with respect to layer `i`'s output) into the gradient before its affine map.
+    /// Gradients for the block that went through last: adds the parameters' to `params_grad`, and
+    /// the input's to `input_grad` unless that is empty.
     #[inline(always)]
-    fn before_affine(&self, layer: &LayerSpec, i: usize, grad: &mut [f32]) {
+    pub(crate) fn backward<S: Simd>(
+        &mut self,
+        simd: S,
+        packed: &Packed<'_>,
+        (x, grad): (&[f32], &[f32]),
+        params_grad: &mut [f32],
+        input_grad: &mut [f32],
+    ) {
+        let spec = packed.spec;
+        let rows = x.len() / spec.inputs();
+        self.current[..grad.len()].copy_from_slice(grad);
+        for (i, layer) in spec.layers.iter().enumerate().rev() {
+            self.before_affine(layer, i, rows);
+            let g = &self.current[..rows * layer.outputs];
+            let input = match i {
+                0 => x,
+                _ => &self.outputs[i - 1][..rows * layer.inputs],
+            };
+            add_layer_grad(simd, layer, &mut params_grad[packed.range(i)], g, input);
+            let target = if i > 0 {
+                let target = &mut self.next[..rows * layer.inputs];
+                target.fill(0.0);
+                target
+            } else if !input_grad.is_empty() {
+                &mut *input_grad
+            } else {
+                continue;
+            };
+            let (weight, _) = packed.layer(i);
+            let g = Left::new(g, rows, layer.outputs);
+            add_product(simd, target, g, weight, layer.inputs);
+            std::mem::swap(&mut self.current, &mut self.next);
+        }
+    }
+
+    /// Turns the current gradient (with respect to layer `i`'s output) into the one before its
+    /// affine map.
+    #[inline(always)]
+    fn before_affine(&mut self, layer: &LayerSpec, i: usize, rows: usize) {
+        let grad = &mut self.current[..rows * layer.outputs];
         let out = &self.outputs[i];
         match layer.activation {
             Activation::Linear => {}
@@ -292,7 +342,6 @@ fn activate(values: &mut [f32], activation: Activation) {
 /// If a slice does not have its stated length.
 pub fn forward(spec: &MlpSpec, x: &[f32], params: &[f32]) -> Vec<f32> {
     let (inputs, outputs) = (spec.inputs(), spec.outputs());
-    assert_eq!(params.len(), spec.params(), "parameters of an MLP");
     assert_eq!(x.len() % inputs, 0, "rows of an MLP's input");
     let mut out = vec![0.0; x.len() / inputs * outputs];
     let packed = &Packed::new(spec, params);
@@ -315,12 +364,11 @@ impl WithSimd for Forward<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let spec = self.packed.spec;
         let (inputs, outputs) = (spec.inputs(), spec.outputs());
-        let mut tape = Tape::new(spec, self.x.len() / inputs);
+        let mut tape = Tape::new(spec, BLOCK.min(self.x.len() / inputs));
         let blocks = self.x.chunks(BLOCK * inputs);
         for (x, out) in blocks.zip(self.out.chunks_mut(BLOCK * outputs)) {
-            tape.forward(simd, self.packed, x, x.len() / inputs);
-            let last = &tape.outputs[tape.outputs.len() - 1];
-            out.copy_from_slice(&last[..out.len()]);
+            tape.forward(simd, self.packed, x);
+            out.copy_from_slice(&tape.output()[..out.len()]);
         }
     }
 }
@@ -382,39 +430,14 @@ impl WithSimd for PieceBackward<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> Vec<f32> {
         let spec = self.packed.spec;
         let (inputs, outputs) = (spec.inputs(), spec.outputs());
-        let widths = spec.layers.iter().map(|l| l.inputs.max(l.outputs));
-        let room = BLOCK.min(self.x.len() / inputs) * widths.max().unwrap_or(0);
-        let mut tape = Tape::new(spec, self.x.len() / inputs);
+        let mut tape = Tape::new(spec, BLOCK.min(self.x.len() / inputs));
         let mut params_grad = vec![0.0; spec.params()];
-        let (mut current, mut next) = (vec![0.0; room], vec![0.0; room]);
         let mut input_grads = self.input_grad.chunks_mut(BLOCK * inputs);
         let grads = self.grad.chunks(BLOCK * outputs);
         for (x, grad) in self.x.chunks(BLOCK * inputs).zip(grads) {
-            let rows = x.len() / inputs;
-            tape.forward(simd, self.packed, x, rows);
-            current[..grad.len()].copy_from_slice(grad);
-            for (i, layer) in spec.layers.iter().enumerate().rev() {
-                let g = &mut current[..rows * layer.outputs];
-                tape.before_affine(layer, i, g);
-                let input = match i {
-                    0 => x,
-                    _ => &tape.outputs[i - 1][..rows * layer.inputs],
-                };
-                let layer_grad = &mut params_grad[self.packed.range(i)];
-                add_layer_grad(simd, layer, layer_grad, g, input);
-                let target = if i > 0 {
-                    &mut next[..rows * layer.inputs]
-                } else if let Some(input_grad) = input_grads.next() {
-                    input_grad
-                } else {
-                    continue;
-                };
-                target.fill(0.0);
-                let (weight, _) = self.packed.layer(i);
-                let g = Left::new(g, rows, layer.outputs);
-                add_product(simd, target, g, weight, layer.inputs);
-                std::mem::swap(&mut current, &mut next);
-            }
+            tape.forward(simd, self.packed, x);
+            let input_grad = input_grads.next().unwrap_or_default();
+            tape.backward(simd, self.packed, (x, grad), &mut params_grad, input_grad);
         }
         params_grad
     }

@@ -7,6 +7,7 @@ pub mod hash_grid;
 pub mod mlp;
 
 pub mod perceptual;
+pub mod radiance;
 
 mod math;
 mod product;

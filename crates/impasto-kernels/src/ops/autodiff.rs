@@ -1,13 +1,14 @@
 //! Backward passes: each operation's saved state is the associated type of its step.
 
-use super::{AdamState, KernelGrad, KernelOps};
-use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack};
+use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
+use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec};
 use burn::backend::Autodiff;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::tensor::FloatTensor;
+use burn::tensor::Slice;
 use std::sync::Arc;
 
 #[derive(Debug)]
@@ -82,6 +83,25 @@ impl<B: KernelGrad> Backward<B, 1> for Perceptual {
     }
 }
 
+#[derive(Debug)]
+struct RadianceLoss;
+
+impl<B: KernelGrad> Backward<B, 8> for RadianceLoss {
+    /// The gradients of the loss: they came with it.
+    type State = [FloatTensor<B>; 8];
+
+    fn backward(self, ops: Ops<Self::State, 8>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let grad = grads.consume::<B>(&ops.node);
+        // Only the first number, the loss, has gradients.
+        let of_loss = B::float_slice(grad, &[Slice::from(0..1)]);
+        for (node, own) in ops.parents.into_iter().zip(ops.state) {
+            if let Some(node) = node {
+                grads.register::<B>(node.id, B::float_mul(own, of_loss.clone()));
+            }
+        }
+    }
+}
+
 impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B, C> {
     fn hash_encode(
         points: FloatTensor<Self>,
@@ -124,6 +144,29 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
         {
             OpsKind::Tracked(prep) => prep.finish((sigma, colours, layout), out),
             OpsKind::UnTracked(prep) => prep.finish(out),
+        }
+    }
+
+    fn radiance_loss(
+        volumes: RadianceVolumes<Self>,
+        spec: Arc<RadianceSpec>,
+    ) -> FloatTensor<Self> {
+        let mut nodes = Vec::with_capacity(8);
+        let primitives = volumes.into_array().map(|tensor| {
+            let (primitive, node) = tensor.into_parts();
+            nodes.push(node);
+            primitive
+        });
+        let volumes = RadianceVolumes::from_array(primitives);
+        let Ok(nodes) = <[_; 8]>::try_from(nodes) else {
+            unreachable!("one node for each of eight tensors");
+        };
+        match RadianceLoss.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => {
+                let (out, grads) = B::radiance_loss_with_gradients(volumes, &spec);
+                prep.finish(grads.into_array(), out)
+            }
+            OpsKind::UnTracked(prep) => prep.finish(B::radiance_loss(volumes, spec)),
         }
     }
 

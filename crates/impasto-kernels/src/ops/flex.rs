@@ -1,9 +1,11 @@
 //! The CPU: slices in, slices out, no copies of contiguous tensors.
 
-use super::{AdamState, KernelGrad, KernelOps};
+use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::cpu::perceptual::PerceptualTape;
-use crate::cpu::{adam, composite, hash_grid, mlp};
-use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack};
+use crate::cpu::{adam, composite, hash_grid, mlp, radiance};
+use crate::{
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+};
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Flex, TensorMetadata};
 use burn::tensor::{Shape, TensorData};
@@ -56,6 +58,10 @@ impl KernelOps for Flex {
 
     fn perceptual(image: Primitive, stack: Arc<PerceptualStack>) -> Primitive {
         Self::perceptual_taped(image, &stack).0
+    }
+
+    fn radiance_loss(volumes: RadianceVolumes<Self>, spec: Arc<RadianceSpec>) -> Primitive {
+        Self::radiance_loss_with_gradients(volumes, &spec).0
     }
 
     fn adam(state: AdamState<Self>, grad: Primitive, step: AdamStep) -> AdamState<Self> {
@@ -127,6 +133,42 @@ impl KernelGrad for Flex {
         (
             tensor(s, [rows(&sigma)]),
             tensor(c, [rows(&colours), channels]),
+        )
+    }
+
+    fn radiance_loss_with_gradients(
+        volumes: RadianceVolumes<Self>,
+        spec: &RadianceSpec,
+    ) -> (Primitive, RadianceVolumes<Self>) {
+        let all = volumes.into_array().map(|t| t.to_contiguous());
+        let slices = all.each_ref().map(|t| t.storage::<f32>());
+        let volume = |i: usize| Volume {
+            encoded: slices[i],
+            base: slices[i + 1],
+            geo: slices[i + 2],
+            app: slices[i + 3],
+        };
+        let result = radiance::loss(spec, [volume(0), volume(4)]);
+        let numbers = [vec![result.loss, result.error], result.densities].concat();
+        let length = numbers.len();
+        let [inner, outer] = result.grads;
+        let grads = [
+            inner.encoded,
+            inner.base,
+            inner.geo,
+            inner.app,
+            outer.encoded,
+            outer.base,
+            outer.geo,
+            outer.app,
+        ]
+        .map(|grad| {
+            let length = grad.len();
+            tensor(grad, [length])
+        });
+        (
+            tensor(numbers, [length]),
+            RadianceVolumes::from_array(grads),
         )
     }
 

@@ -6,7 +6,7 @@
 mod autodiff;
 mod flex;
 
-use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack};
+use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume};
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
 use burn::tensor::Tensor;
@@ -32,6 +32,11 @@ pub trait KernelOps: Backend {
     ) -> FloatTensor<Self>;
     /// See [`perceptual`].
     fn perceptual(image: FloatTensor<Self>, stack: Arc<PerceptualStack>) -> FloatTensor<Self>;
+    /// See [`radiance_loss`].
+    fn radiance_loss(
+        #[extension_type] volumes: RadianceVolumes<Self>,
+        spec: Arc<RadianceSpec>,
+    ) -> FloatTensor<Self>;
     /// See [`AdamParam::step`].
     fn adam(
         #[extension_type] state: AdamState<Self>,
@@ -66,6 +71,11 @@ pub trait KernelGrad: Backend {
         grad: FloatTensor<Self>,
         layout: Arc<CompositeLayout>,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
+    /// Loss and densities as [`radiance_loss`] returns them, with the loss's gradients.
+    fn radiance_loss_with_gradients(
+        volumes: RadianceVolumes<Self>,
+        spec: &RadianceSpec,
+    ) -> (FloatTensor<Self>, RadianceVolumes<Self>);
     /// Forward pass that keeps its activations.
     fn perceptual_taped(
         image: FloatTensor<Self>,
@@ -88,6 +98,89 @@ pub struct AdamState<B: Backend> {
     pub first: FloatTensor<B>,
     /// Running mean of squared gradients.
     pub second: FloatTensor<B>,
+}
+
+/// What a radiance loss depends on, in the order inner, outer volume.
+#[derive(ExtensionType)]
+pub struct RadianceVolumes<B: Backend> {
+    /// Encoded samples, `[n, inputs of base]`.
+    pub inner_encoded: FloatTensor<B>,
+    /// Parameters of `base`, flat.
+    pub inner_base: FloatTensor<B>,
+    /// Parameters of `geo`, flat.
+    pub inner_geo: FloatTensor<B>,
+    /// Parameters of `app`, flat.
+    pub inner_app: FloatTensor<B>,
+    /// As above.
+    pub outer_encoded: FloatTensor<B>,
+    /// As above.
+    pub outer_base: FloatTensor<B>,
+    /// As above.
+    pub outer_geo: FloatTensor<B>,
+    /// As above.
+    pub outer_app: FloatTensor<B>,
+}
+
+impl<B: Backend> RadianceVolumes<B> {
+    /// From encodings, base, geo and app of the inner, then the outer volume.
+    pub fn from_array(all: [FloatTensor<B>; 8]) -> Self {
+        let [
+            inner_encoded,
+            inner_base,
+            inner_geo,
+            inner_app,
+            outer_encoded,
+            outer_base,
+            outer_geo,
+            outer_app,
+        ] = all;
+        Self {
+            inner_encoded,
+            inner_base,
+            inner_geo,
+            inner_app,
+            outer_encoded,
+            outer_base,
+            outer_geo,
+            outer_app,
+        }
+    }
+
+    /// The inverse of [`Self::from_array`].
+    pub fn into_array(self) -> [FloatTensor<B>; 8] {
+        [
+            self.inner_encoded,
+            self.inner_base,
+            self.inner_geo,
+            self.inner_app,
+            self.outer_encoded,
+            self.outer_base,
+            self.outer_geo,
+            self.outer_app,
+        ]
+    }
+}
+
+/// Photometric loss of encoded samples, as [`crate::cpu::radiance::loss`] defines it;
+/// differentiable in encodings and parameters of both volumes.
+///
+/// # Shapes
+/// Per volume: `encoded`: `[n, inputs of base]`, passed as `[n · inputs]`; parameters flat; result:
+/// `[2 + samples]` = loss, its mean squared difference of colours, densities in layout order. Only
+/// the first has gradients.
+pub fn radiance_loss(volumes: [Volume<Tensor<1>>; 2], spec: Arc<RadianceSpec>) -> Tensor<1> {
+    let [inner, outer] = volumes.map(|v| v.map(Tensor::into_dispatch));
+    let volumes = RadianceVolumes::from_array([
+        inner.encoded,
+        inner.base,
+        inner.geo,
+        inner.app,
+        outer.encoded,
+        outer.base,
+        outer.geo,
+        outer.app,
+    ]);
+    Tensor::from_dispatch(<Dispatch as KernelOps>::radiance_loss(volumes, spec))
 }
 
 /// Hash-grid encoding of points in the unit cube.
