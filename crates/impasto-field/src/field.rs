@@ -3,12 +3,13 @@
 use crate::branch::{Branch, BranchWeights};
 use crate::config::FieldConfig;
 use crate::encoding::Positions;
+use crate::sampling::Samples;
 use crate::sphere::from_outer_cube;
 use burn::tensor::Device;
-use crate::sampling::Samples;
 use impasto_kernels::DensityGrid;
-use rand::RngExt;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
 /// Sizes of a field. Holds no weights.
 #[derive(Debug, Clone)]
@@ -47,7 +48,10 @@ pub struct Visible {
 }
 
 /// Optical depth of a cell from which on it is looked at more often.
-const DENSE: f32 = 0.01;
+const DENSE: f32 = 0.03;
+/// Cells of one task of an update; fixed, so that its random places do not depend on the number of
+/// threads.
+const CELLS: usize = 1 << 15;
 
 impl Field {
     /// A field of the given sizes.
@@ -75,7 +79,6 @@ impl Field {
     /// The cells whose centre `sees` accepts: `[x, y, z, 1]` inside the unit ball,
     /// `[x', y', z', 1/r]` outside.
     pub fn visible(&self, sees: impl Fn([f32; 4]) -> bool + Sync) -> Visible {
-        use rayon::prelude::*;
         let sampling = &self.config.sampling;
         let flags = |resolution: usize, outer: bool| {
             let grid = DensityGrid::new(resolution, 0.0);
@@ -125,29 +128,49 @@ impl Field {
         rng: &mut Pcg64,
     ) {
         let jobs = [
-            (&mut grids.inner, &visible.inner, &self.inner, &weights.inner),
-            (&mut grids.outer, &visible.outer, &self.outer, &weights.outer),
+            (
+                &mut grids.inner,
+                &visible.inner,
+                &self.inner,
+                &weights.inner,
+            ),
+            (
+                &mut grids.outer,
+                &visible.outer,
+                &self.outer,
+                &weights.outer,
+            ),
         ];
         for (grid, visible, branch, weights) in jobs {
             let outer = branch.dimensions() == 4;
             let dense = DensityGrid::level_of(DENSE * grid.resolution() as f32);
-            let (mut raw, mut cube) = (Vec::new(), Vec::new());
-            for cell in (0..grid.cells()).filter(|c| visible[*c]) {
-                let share = shares[usize::from(grid.levels()[cell] >= dense)];
-                if rng.random::<f32>() >= share {
-                    continue;
-                }
-                let position = grid.position(cell, std::array::from_fn(|_| rng.random()));
-                if outer {
-                    let Some(point) = from_outer_cube(position) else {
-                        continue;
-                    };
-                    raw.extend(point);
-                } else {
-                    raw.extend(position.map(|c| 2.0 * c - 1.0));
-                }
-                cube.extend(position);
-            }
+            let seed: u64 = rng.random();
+            let parts: Vec<(Vec<f32>, Vec<f32>)> = (0..grid.cells().div_ceil(CELLS))
+                .into_par_iter()
+                .map(|part| {
+                    let mut rng = Pcg64::seed_from_u64(seed ^ part as u64);
+                    let (mut raw, mut cube) = (Vec::new(), Vec::new());
+                    for cell in part * CELLS..((part + 1) * CELLS).min(grid.cells()) {
+                        let share = shares[usize::from(grid.levels()[cell] >= dense)];
+                        if !visible[cell] || rng.random::<f32>() >= share {
+                            continue;
+                        }
+                        let position = grid.position(cell, std::array::from_fn(|_| rng.random()));
+                        if outer {
+                            let Some(point) = from_outer_cube(position) else {
+                                continue;
+                            };
+                            raw.extend(point);
+                        } else {
+                            raw.extend(position.map(|c| 2.0 * c - 1.0));
+                        }
+                        cube.extend(position);
+                    }
+                    (raw, cube)
+                })
+                .collect();
+            let (raw, cube): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+            let (raw, cube) = (raw.concat(), cube.concat());
             if cube.is_empty() {
                 continue;
             }

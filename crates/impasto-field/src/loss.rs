@@ -38,9 +38,10 @@ impl Field {
             // Every ray has a farthest sample in the outer volume.
             views[span.outer.end - 1 - split]
         });
-        let views = app.config.view_bands.map(|bands| {
-            frequencies(&directions.collect::<Vec<_>>(), 3, bands)
-        });
+        let views = app
+            .config
+            .view_bands
+            .map(|bands| frequencies(&directions.collect::<Vec<_>>(), 3, bands));
         let spec = RadianceSpec {
             volumes: [
                 self.inner.volume_spec(&app.config),
@@ -61,8 +62,12 @@ impl Field {
                 app: app.clone(),
             }
         };
-        let inner = self.inner.encode(&weights.inner, &samples.inner.positions(3));
-        let outer = self.outer.encode(&weights.outer, &samples.outer.positions(4));
+        let inner = self
+            .inner
+            .encode(&weights.inner, &samples.inner.positions(3));
+        let outer = self
+            .outer
+            .encode(&weights.outer, &samples.outer.positions(4));
         let volumes = [
             volume(inner, &weights.inner, &app.inner),
             volume(outer, &weights.outer, &app.outer),

@@ -1,7 +1,7 @@
 //! The one ray renderer: samples → features and density → colours → pixels.
 
-use crate::encoding::matrix;
 use crate::appearance::{Appearance, AppearanceConfig, Shading, shade};
+use crate::encoding::matrix;
 use crate::field::{Field, FieldWeights, Grids};
 use crate::sampling::{RayBatch, Samples, march};
 use burn::tensor::Tensor;
@@ -45,6 +45,11 @@ impl Geometry {
             density: Tensor::from_inner(self.density),
             ..self
         }
+    }
+
+    /// Density of each sample.
+    pub fn densities(&self) -> Tensor<1> {
+        self.density.clone()
     }
 
     /// Contribution of each sample to its ray.
@@ -126,7 +131,11 @@ impl Geometry {
             let width = features.dims()[1];
             let rows = host(features.clone());
             let kept = rows.chunks_exact(width).zip(keep).filter(|(_, k)| **k);
-            matrix(kept.flat_map(|(row, _)| row).copied().collect(), width, &device)
+            matrix(
+                kept.flat_map(|(row, _)| row).copied().collect(),
+                width,
+                &device,
+            )
         };
         let densities = host(self.density.clone());
         let kept = densities.iter().zip(&keep).filter(|(_, k)| **k);

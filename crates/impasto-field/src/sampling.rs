@@ -190,23 +190,34 @@ impl Table {
 /// How much light each step along one volume's part of a ray is expected to give.
 #[derive(Default)]
 struct Guide {
+    /// Where the grid is looked at, in the unit cube, axis by axis.
+    points: [Vec<f32>; 3],
+    levels: Vec<u8>,
     light: Vec<f32>,
     /// Light up to and including each step, evenly spread samples included.
     sums: Vec<f32>,
 }
 
 impl Guide {
-    /// Looks along `count` steps with `transmittance` before the first; returns what is left.
+    /// Looks at the grid at `count` points, with `transmittance` before the first; returns what is
+    /// left.
+    #[inline(always)]
     fn look(
         &mut self,
         count: usize,
         mut transmittance: f32,
-        table: &Table,
-        level: impl Fn(usize) -> u8,
+        (grid, table): (&DensityGrid, &Table),
+        point: impl Fn(usize) -> [f32; 3],
     ) -> f32 {
+        self.points.iter_mut().for_each(|p| p.resize(count, 0.0));
+        let [xs, ys, zs] = &mut self.points;
+        for (i, ((x, y), z)) in xs.iter_mut().zip(ys).zip(zs).enumerate() {
+            [*x, *y, *z] = point(i);
+        }
+        grid.levels_at(&self.points, &mut self.levels);
         self.light.clear();
-        for i in 0..count {
-            let after = transmittance * table.passed[usize::from(level(i))];
+        for level in &self.levels {
+            let after = transmittance * table.passed[usize::from(*level)];
             self.light.push(transmittance - after);
             transmittance = after;
         }
@@ -291,19 +302,29 @@ impl March<'_> {
         let count = (inner_range / config.inner_step).ceil().min(MOST_STEPS) as usize;
         let inner_step = inner_range / count.max(1) as f32 / length;
         let [inner, outer] = guides;
-        let left = inner.look(count, 1.0, &self.tables[0], |i| {
+        let left = inner.look(count, 1.0, (&self.grids.inner, &self.tables[0]), |i| {
             let t = config.near + (i as f32 + 0.5) * inner_step;
-            self.grids.inner.level(inner_cube(inner_at(t)))
+            inner_cube(inner_at(t))
         });
-        let left = outer.look(config.outer_steps, left, &self.tables[1], |i| {
-            let (point, _) = outer_at(i as f32 + 0.5);
-            self.grids.outer.level(outer_cube(point))
+        let unit = view;
+        let (along, away) = (dot(origin, unit), dot(origin, origin));
+        let steps = config.outer_steps;
+        // What `outer_point` does, without its division and without its depth.
+        let left = outer.look(steps, left, (&self.grids.outer, &self.tables[1]), |i| {
+            let s = 1.0 - (i as f32 + 0.5) * outer_step;
+            let sb = s * along;
+            let st = (sb * sb + 1.0 - s * s * away).max(0.0).sqrt() - sb;
+            let point = |axis: usize| s * origin[axis] + st * unit[axis];
+            outer_cube([point(0), point(1), point(2), s])
         });
         if let Some(last) = outer.light.last_mut() {
             *last += left;
         }
         // Even shares by volume: both have their places that no grid knows of.
-        let masses = [inner.sum(0.5 * config.explore), outer.sum(0.5 * config.explore)];
+        let masses = [
+            inner.sum(0.5 * config.explore),
+            outer.sum(0.5 * config.explore),
+        ];
         let share = masses[0] / (masses[0] + masses[1]).max(1e-20);
         let within = ((config.samples as f32 * share).round() as usize)
             .min(config.samples.saturating_sub(1));
@@ -326,7 +347,11 @@ impl March<'_> {
             part.outer.raw.extend(point);
             part.outer.cube.extend(outer_cube(point));
             part.outer.views.extend(view);
-            let delta = if left == 0 { LAST_STEP } else { (end - start) * outer_step };
+            let delta = if left == 0 {
+                LAST_STEP
+            } else {
+                (end - start) * outer_step
+            };
             part.outer_steps[0].push(delta);
             part.outer_steps[1].push(depth);
             part.outer_steps[2].push(contracted_distance(depth * length));

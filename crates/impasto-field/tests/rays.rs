@@ -2,12 +2,12 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use burn::tensor::Device;
-use impasto_field::sphere::{from_outer_cube, outer_cube, outer_point};
+use impasto_field::sphere::{self, from_outer_cube, outer_cube, outer_point};
 use impasto_field::{
-    Appearance, AppearanceConfig, DensityActivation, EncodingConfig, Field, FieldConfig, Grids,
-    RayBatch, SamplingConfig, Shading, VolumeConfig, render::host, render_rays, sampling,
+    Appearance, AppearanceConfig, DensityActivation, EncodingConfig, Field, FieldConfig, RayBatch,
+    SamplingConfig, Shading, VolumeConfig, render::host, render_rays, sampling,
 };
-use impasto_kernels::OccupancyGrid;
+use impasto_kernels::DensityGrid;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -22,8 +22,10 @@ fn config(encoding: &EncodingConfig) -> FieldConfig {
         inner: volume.clone(),
         outer: volume,
         sampling: SamplingConfig {
+            samples: 40,
+            explore: 0.1,
             inner_step: 0.05,
-            outer_steps: 40,
+            outer_steps: 64,
             inner_grid: 16,
             outer_grid: 64,
             near: 0.05,
@@ -47,17 +49,6 @@ fn rays() -> RayBatch {
     rays.push([0.0, 0.0, -0.5], [0.0, 0.0, 1.0]);
     rays.push([0.0, 0.0, 0.0], [0.3, 0.3, 1.0]);
     rays
-}
-
-fn full(field: &Field) -> Grids {
-    Grids {
-        inner: OccupancyGrid::full(field.config.sampling.inner_grid),
-        outer: OccupancyGrid::full(field.config.sampling.outer_grid),
-    }
-}
-
-fn empty(grid: &OccupancyGrid) -> OccupancyGrid {
-    OccupancyGrid::from_flags(vec![false; grid.cells()]).unwrap()
 }
 
 #[test]
@@ -91,39 +82,87 @@ fn outer_cube_can_be_undone() {
 #[test]
 fn a_shell_receives_its_samples_where_it_is() {
     let field = Field::new(config(&hash_grid()));
-    let mut grids = full(&field);
-    let flags = (0..grids.outer.cells()).map(|cell| {
+    let mut grids = field.grids(0.0, None);
+    let levels = (0..grids.outer.cells()).map(|cell| {
         let shell = from_outer_cube(grids.outer.position(cell, [0.5; 3]));
-        shell.is_some_and(|p| (p[3] - 0.2).abs() < 0.05)
+        let inside = shell.is_some_and(|p| (p[3] - 0.2).abs() < 0.05);
+        DensityGrid::level_of(if inside { 100.0 } else { 0.0 })
     });
-    grids.outer = OccupancyGrid::from_flags(flags.collect()).unwrap();
+    grids.outer = DensityGrid::from_levels(levels.collect()).unwrap();
     let samples = field.sample(&rays(), &grids, None);
     let (points, _) = samples.outer.raw.as_chunks::<4>();
     for span in &samples.layout.rays {
+        assert_eq!(span.inner.len() + span.outer.len(), 40);
         let split = samples.inner.len();
         let radii: Vec<f32> = span.outer.clone().map(|i| points[i - split][3]).collect();
-        let (farthest, shell) = radii.split_last().unwrap();
+        assert!(radii.is_sorted_by(|a, b| a > b), "near to far");
+        let within = radii.iter().filter(|s| (**s - 0.2).abs() < 0.1).count();
         assert!(
-            *farthest < 0.03,
-            "the last sample stands for everything far"
+            within >= 32,
+            "{within} of 40 samples are where the light is"
         );
-        assert!(
-            shell.len() >= 2 && shell.iter().all(|s| (s - 0.2).abs() < 0.1),
-            "{shell:?}"
-        );
-        assert!(shell.is_sorted_by(|a, b| a > b), "near to far");
+        let farthest = radii.last().unwrap();
+        assert!(*farthest < 0.2, "the last sample stands for everything far");
     }
 }
 
 #[test]
-fn empty_space_has_no_inner_samples_and_still_renders() {
+fn samples_stand_for_the_whole_ray() {
+    let field = Field::new(config(&hash_grid()));
+    for density in [0.0, 1.0, 50.0] {
+        for seed in [None, Some(4)] {
+            let samples = field.sample(&rays(), &field.grids(density, None), seed);
+            let layout = &samples.layout;
+            for (ray, span) in layout.rays.iter().enumerate() {
+                let sum = |range: std::ops::Range<usize>| layout.deltas[range].iter().sum::<f32>();
+                let (origin, direction) = (rays().origins[ray], rays().directions[ray]);
+                let length = sphere::dot(direction, direction).sqrt();
+                let far = sphere::exit(origin, direction).unwrap();
+                let inner = (far - field.config.sampling.near) * length;
+                if !span.inner.is_empty() {
+                    assert!((sum(span.inner.clone()) - inner).abs() < 1e-4);
+                }
+                // The last step is endless.
+                assert!(sum(span.outer.start..span.outer.end - 1) < 1.0);
+                let depths = span.inner.clone().chain(span.outer.clone());
+                let depths: Vec<f32> = depths.map(|i| layout.depths[i]).collect();
+                assert!(depths.is_sorted(), "near to far: {depths:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn grids_learn_where_the_field_is_dense() {
     let device = Device::flex();
     let field = Field::new(config(&hash_grid()));
-    let mut grids = full(&field);
-    grids.inner = empty(&grids.inner);
-    grids.outer = empty(&grids.outer);
-    let samples = field.sample(&rays(), &grids, Some(3));
-    assert_eq!((samples.inner.len(), samples.outer.len()), (0, 3));
+    let mut rng = Pcg64::seed_from_u64(2);
+    let weights = field.init(&mut rng, &device);
+    // Half of space is never seen.
+    let visible = field.visible(|point| point[0] > 0.0);
+    let mut grids = field.grids(1.0, Some(&visible));
+    for _ in 0..60 {
+        field.update_grids(&mut grids, &weights, &visible, [0.5, 0.5], &mut rng);
+    }
+    let samples = field.sample(&rays(), &field.grids(1.0, None), Some(1));
+    let geometry = field.geometry(&weights, samples.clone());
+    let densities = host(geometry.densities());
+    let (points, _) = samples.inner.cube.as_chunks::<3>();
+    for (point, density) in points.iter().zip(densities) {
+        let found = DensityGrid::density_of(grids.inner.level(*point));
+        if point[0] > 0.6 {
+            assert!((found / density).ln().abs() < 0.5, "{found} for {density}");
+        } else if point[0] < 0.4 {
+            assert_eq!(found, 0.0, "never seen, never sampled");
+        }
+    }
+}
+
+#[test]
+fn empty_space_still_renders() {
+    let device = Device::flex();
+    let field = Field::new(config(&hash_grid()));
+    let grids = field.grids(0.0, None);
     let mut rng = Pcg64::seed_from_u64(1);
     let weights = field.init(&mut rng, &device);
     let app = Appearance::init(app(), field.features(), &mut rng, &device);
@@ -146,23 +185,23 @@ fn app() -> AppearanceConfig {
 }
 
 #[test]
-fn light_followed_front_to_back_agrees_with_the_composite() {
+fn few_samples_carry_the_light() {
     let device = Device::flex();
     for encoding in [hash_grid(), EncodingConfig::Frequency { bands: 4 }] {
         let field = Field::new(config(&encoding));
         let weights = field.init(&mut Pcg64::seed_from_u64(5), &device);
-        let samples = field.sample(&rays(), &full(&field), Some(1));
-        let light = field.light(&weights, &samples, 0.0);
-        let truth = field.geometry(&weights, samples.clone()).weights();
-        assert!(light.lit.iter().all(|lit| *lit));
-        for (ours, truth) in light.weights.iter().zip(&truth) {
-            assert!((ours - truth).abs() < 1e-4, "{ours} instead of {truth}");
-        }
-        let kept = field.contributing(&weights, &samples, 0.3);
-        assert!(kept.len() < samples.len() && kept.len() >= 3);
-        assert_eq!(kept.layout.rays.len(), 3);
-        let last = kept.layout.rays[2].outer.end;
-        assert_eq!(last, kept.len());
+        let samples = field.sample(&rays(), &field.grids(1.0, None), Some(1));
+        let geometry = field.geometry(&weights, samples);
+        let all = geometry.weights();
+        let kept = geometry.contributing(0.05);
+        assert!(kept.samples() < geometry.samples() && kept.samples() >= 3);
+        assert_eq!(kept.layout().rays.len(), 3);
+        assert_eq!(kept.layout().rays[2].outer.end, kept.samples());
+        let sum = |weights: &[f32]| weights.iter().sum::<f32>();
+        let lost = sum(&all) - sum(&kept.weights());
+        assert!(lost.abs() < 0.1, "{lost} of three rays' light is lost");
+        let same = geometry.contributing(0.0);
+        assert_eq!(same.weights(), all);
     }
 }
 
@@ -174,11 +213,13 @@ fn merged_samples_let_the_same_light_through_from_the_same_depth() {
     let weights = field.init(&mut rng, &device);
     let app = Appearance::init(app(), field.features(), &mut rng, &device);
     for inner_is_empty in [false, true] {
-        let mut grids = full(&field);
+        let mut samples = field.sample(&rays(), &field.grids(1.0, None), Some(1));
         if inner_is_empty {
-            grids.inner = empty(&grids.inner);
+            let split = samples.inner.len();
+            let keep: Vec<bool> = (0..samples.len()).map(|i| i >= split).collect();
+            samples = samples.pruned(&keep);
         }
-        let geometry = field.geometry(&weights, field.sample(&rays(), &grids, Some(1)));
+        let geometry = field.geometry(&weights, samples);
         let surface = AppearanceConfig {
             shading: Shading::Surface,
             ..app.config.clone()
@@ -208,7 +249,7 @@ fn poisoned_rays_take_no_inner_samples() {
     rays.push([f32::NAN, 0.0, 0.0], [0.0, 0.0, 1.0]);
     rays.push([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]);
     rays.push([0.0, 0.0, 0.0], [f32::INFINITY, 0.0, 1.0]);
-    let samples = field.sample(&rays, &full(&field), None);
+    let samples = field.sample(&rays, &field.grids(1.0, None), None);
     assert!(samples.inner.is_empty());
     assert_eq!(samples.layout.rays.len(), 3);
     assert!((0.0..=1.0).contains(&sampling::contracted_distance(1e9)));

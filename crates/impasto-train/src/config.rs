@@ -131,7 +131,7 @@ impl TrainConfig {
                 },
             },
             photo_app: AppearanceConfig {
-                hidden: vec![64, 64],
+                hidden: vec![32, 32],
                 layer_norm: false,
                 view_bands: Some(2),
                 canvas: None,
@@ -151,9 +151,9 @@ impl TrainConfig {
                 shading: Shading::Surface,
             },
             geometry: GeometryConfig {
-                samples: 60_000,
+                samples: 30_000,
                 rays: [512, 8192],
-                grid_rate: 1e-2,
+                grid_rate: 1.5e-2,
                 network_rate: 3e-3,
                 final_rate: 0.05,
                 distortion: 3e-3,

@@ -172,9 +172,8 @@ impl GeometryStage {
         };
         let loss = self.field.loss(&weights, &app, samples, wanted);
         let numbers = host(loss.clone().inner());
-        let (error, densities) = match numbers.split_at(2) {
-            (&[_, error], densities) => (error, densities),
-            _ => unreachable!("two numbers come before the densities"),
+        let (&[_, error], densities) = numbers.split_at(2) else {
+            unreachable!("two numbers come before the densities");
         };
         self.grids.observe(samples, densities);
         let mut gradients = loss.slice_dim(0, 0..1).backward();

@@ -1,5 +1,6 @@
 //! Adam over flat buffers (Kingma & Ba 2015), one pass over memory.
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Settings of one Adam step.
@@ -40,22 +41,62 @@ pub fn update(
         param.len() == grad.len() && first.len() == grad.len() && second.len() == grad.len(),
         "Adam's buffers have one length"
     );
-    let t = adam.step.max(1) as i32;
-    let rate = adam.rate / (1.0 - adam.beta1.powi(t));
-    let root_correction = (1.0 - adam.beta2.powi(t)).sqrt().recip();
     param
         .par_chunks_mut(CHUNK)
         .zip(first.par_chunks_mut(CHUNK))
         .zip(second.par_chunks_mut(CHUNK))
         .zip(grad.par_chunks(CHUNK))
         .for_each(|(((param, first), second), grad)| {
-            for (((p, m), v), g) in param.iter_mut().zip(first).zip(second).zip(grad) {
-                if (adam.sparse && *g == 0.0) || !g.is_finite() {
-                    continue;
-                }
-                *m = adam.beta1 * *m + (1.0 - adam.beta1) * g;
-                *v = adam.beta2 * *v + (1.0 - adam.beta2) * g * g;
-                *p -= rate * *m / (v.sqrt() * root_correction + adam.eps);
-            }
+            Arch::new().dispatch(Update {
+                param,
+                first,
+                second,
+                grad,
+                adam,
+            });
         });
+}
+
+struct Update<'a> {
+    param: &'a mut [f32],
+    first: &'a mut [f32],
+    second: &'a mut [f32],
+    grad: &'a [f32],
+    adam: &'a AdamStep,
+}
+
+/// Numbers looked at together: where none has a gradient, a sparse step reads nothing else.
+const GROUP: usize = 16;
+
+impl WithSimd for Update<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let adam = self.adam;
+        let t = adam.step.max(1) as i32;
+        let rate = adam.rate / (1.0 - adam.beta1.powi(t));
+        let root_correction = (1.0 - adam.beta2.powi(t)).sqrt().recip();
+        let params = self.param.chunks_mut(GROUP).zip(self.grad.chunks(GROUP));
+        let moments = self
+            .first
+            .chunks_mut(GROUP)
+            .zip(self.second.chunks_mut(GROUP));
+        for ((param, grad), (first, second)) in params.zip(moments) {
+            if adam.sparse && grad.iter().all(|g| *g == 0.0) {
+                continue;
+            }
+            let numbers = param.iter_mut().zip(grad).zip(first.iter_mut().zip(second));
+            for ((p, g), (m, v)) in numbers {
+                let counts = (!adam.sparse || *g != 0.0) && g.is_finite();
+                let next_m = adam.beta1 * *m + (1.0 - adam.beta1) * g;
+                let next_v = adam.beta2 * *v + (1.0 - adam.beta2) * g * g;
+                let next_p = *p - rate * next_m / (next_v.sqrt() * root_correction + adam.eps);
+                // Choosing between numbers instead of branching keeps the loop in vectors.
+                *m = if counts { next_m } else { *m };
+                *v = if counts { next_v } else { *v };
+                *p = if counts { next_p } else { *p };
+            }
+        }
+    }
 }

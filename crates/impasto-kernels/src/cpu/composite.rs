@@ -53,7 +53,9 @@ pub(crate) fn opacities(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
         #[inline(always)]
         fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
             let pairs = self.0.iter().zip(self.1);
-            pairs.map(|(delta, sigma)| 1.0 - exp(-sigma * delta)).collect()
+            pairs
+                .map(|(delta, sigma)| 1.0 - exp(-sigma * delta))
+                .collect()
         }
     }
     Arch::new().dispatch(Opacities(deltas, sigma))
@@ -158,7 +160,15 @@ pub fn backward(
         .zip(grad.par_chunks_exact(width))
         .with_min_len(64)
         .for_each_init(Vec::new, |steps, ((out, span), grad)| {
-            ray_backward(layout, span, (opacities, colours), channels, grad, steps, out);
+            ray_backward(
+                layout,
+                span,
+                (opacities, colours),
+                channels,
+                grad,
+                steps,
+                out,
+            );
         });
     (sigma_grad, colour_grad)
 }

@@ -1,6 +1,8 @@
 //! A coarse memory of a field's density over the unit cube, by which samples are placed (after
 //! the occupancy grids of Müller et al. 2022, §E.2; here it holds densities, one byte each).
 
+use super::math::{exp, ln};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Density of level 1; anything thinner is level 0, nothing.
@@ -9,6 +11,8 @@ const THINNEST: f32 = 1e-2;
 const RATIO: f32 = 0.0635;
 /// Beyond this, opacities are no longer told apart.
 const MOST_OPACITY: f32 = 1.0 - 1e-6;
+/// Cells of one task.
+const CHUNK: usize = 1 << 16;
 /// How far one look moves what is remembered of a cell: looks go to random places of it.
 const RATE: f32 = 0.15;
 
@@ -99,9 +103,36 @@ impl DensityGrid {
     }
 
     /// Level of the cell around a point; 0 outside the cube.
-    #[inline(always)]
     pub fn level(&self, point: [f32; 3]) -> u8 {
         self.cell(point).map_or(0, |cell| self.levels[cell])
+    }
+
+    /// Levels at many points, given axis by axis. Points outside the cube, and what is no number,
+    /// count as the nearest cell's, or any.
+    ///
+    /// # Panics
+    /// If the axes differ in length.
+    pub fn levels_at(&self, points: &[Vec<f32>; 3], levels: &mut Vec<u8>) {
+        let [xs, ys, zs] = points;
+        assert!(
+            xs.len() == ys.len() && ys.len() == zs.len(),
+            "axes of points"
+        );
+        levels.clear();
+        let mut cells = [0; GROUP];
+        for start in (0..xs.len()).step_by(GROUP) {
+            let group = start..(start + GROUP).min(xs.len());
+            Arch::new().dispatch(Cells {
+                resolution: self.resolution,
+                points: [&xs[group.clone()], &ys[group.clone()], &zs[group.clone()]],
+                cells: &mut cells,
+            });
+            levels.extend(
+                cells[..group.len()]
+                    .iter()
+                    .map(|c| self.levels[*c as usize]),
+            );
+        }
     }
 
     /// Takes note of the density at a point. Levels change with the next [`Self::settle`].
@@ -116,12 +147,16 @@ impl DensityGrid {
 
     /// Sets every cell's level to what was observed.
     pub fn settle(&mut self) {
-        let cells = self.resolution as f32;
-        let level = |o: &f32| Self::level_of(-(1.0 - o.min(MOST_OPACITY)).ln() * cells);
-        self.levels
-            .par_iter_mut()
-            .zip(&self.opacity)
-            .for_each(|(l, o)| *l = level(o));
+        let chunks = self.levels.par_chunks_mut(CHUNK);
+        chunks
+            .zip(self.opacity.par_chunks(CHUNK))
+            .for_each(|(levels, opacity)| {
+                Arch::new().dispatch(Settle {
+                    cells: self.resolution as f32,
+                    opacity,
+                    levels,
+                });
+            });
     }
 
     /// Empties every cell that `allowed` (one flag per cell) does not name.
@@ -133,9 +168,62 @@ impl DensityGrid {
     }
 }
 
-/// Opacity of one cell's width.
+/// Points whose cells are found together.
+const GROUP: usize = 64;
+
+/// Finds the cells of up to [`GROUP`] points.
+struct Cells<'a> {
+    resolution: usize,
+    points: [&'a [f32]; 3],
+    cells: &'a mut [u32; GROUP],
+}
+
+impl WithSimd for Cells<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let (scale, last) = (self.resolution as f32, self.resolution as i32 - 1);
+        let side = self.resolution as u32;
+        let [xs, ys, zs] = self.points;
+        // Conversions saturate and turn NaN into 0.
+        let index = |x: f32| ((x * scale) as i32).clamp(0, last) as u32;
+        for (cell, ((x, y), z)) in self.cells.iter_mut().zip(xs.iter().zip(ys).zip(zs)) {
+            *cell = index(*x) + side * (index(*y) + side * index(*z));
+        }
+    }
+}
+
+/// Rebuilds levels from opacities.
+struct Settle<'a> {
+    cells: f32,
+    opacity: &'a [f32],
+    levels: &'a mut [u8],
+}
+
+impl WithSimd for Settle<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (level, opacity) in self.levels.iter_mut().zip(self.opacity) {
+            let passed = 1.0 - opacity.min(MOST_OPACITY);
+            let density = -ln(passed) * self.cells;
+            let found = ln(density.max(1e-20) * THINNEST.recip()) * RATIO.recip() + 1.5;
+            let found = if density < THINNEST {
+                0.0
+            } else {
+                found.min(255.0)
+            };
+            *level = found as u8;
+        }
+    }
+}
+
+/// Opacity of one cell's width; NaN stays NaN.
 fn opacity(density: f32, resolution: usize) -> f32 {
-    1.0 - (-density.max(0.0) / resolution as f32).exp()
+    let density = if density < 0.0 { 0.0 } else { density };
+    1.0 - exp(-density / resolution as f32)
 }
 
 #[cfg(test)]
@@ -146,7 +234,10 @@ mod tests {
     fn levels_are_densities_within_their_ratio() {
         for density in [0.011, 0.5, 1.0, 37.0, 1e4] {
             let kept = DensityGrid::density_of(DensityGrid::level_of(density));
-            assert!((kept / density).ln().abs() <= 0.51 * RATIO, "{density} became {kept}");
+            assert!(
+                (kept / density).ln().abs() <= 0.51 * RATIO,
+                "{density} became {kept}"
+            );
         }
         assert_eq!(DensityGrid::density_of(DensityGrid::level_of(0.0)), 0.0);
         let levels = (0..=255).map(|l| DensityGrid::level_of(DensityGrid::density_of(l)));
@@ -160,12 +251,19 @@ mod tests {
         let mut look = |density: f32| {
             (0..80).for_each(|_| grid.observe(at, density));
             grid.settle();
-            (grid.level(at), grid.levels().iter().filter(|l| **l > 0).count())
+            (
+                grid.level(at),
+                grid.levels().iter().filter(|l| **l > 0).count(),
+            )
         };
         let (level, others) = look(5.0);
         assert!(level.abs_diff(DensityGrid::level_of(5.0)) <= 1 && others == 1);
         assert_eq!(look(0.0), (0, 0));
-        assert_eq!(look(f32::NAN).1, 1, "what cannot be measured is not skipped");
+        assert_eq!(
+            look(f32::NAN).1,
+            1,
+            "what cannot be measured is not skipped"
+        );
     }
 
     #[test]

@@ -1,11 +1,15 @@
 //! Multi-resolution hash-grid encoding (Müller et al. 2022, "Instant Neural Graphics Primitives").
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Corners of a cell.
 const CORNERS: usize = 8;
 /// Points handled together at one level, so that the level's table stays in cache.
 const CHUNK: usize = 1024;
+/// Points whose cells are found together, in vectors. Reading single numbers of a vector that was
+/// stored a moment ago stalls; by the end of a group its beginning has reached the cache.
+const GROUP: usize = 64;
 const PRIMES: [u32; 3] = [1, 2_654_435_761, 805_459_861];
 
 /// Sizes of a hash grid. The table is laid out `[level][entry][feature]`.
@@ -52,9 +56,35 @@ impl HashGridSpec {
         Level {
             resolution,
             side: side as u32,
-            mask: (entries - 1) as u32,
             dense: side * side * side <= entries,
         }
+    }
+}
+
+/// Coordinates of up to [`GROUP`] points, axis by axis, and whether each point counts. A point that
+/// is not finite has weight nowhere, so that it encodes to zeros and receives no gradient.
+struct Group {
+    axes: [[f32; GROUP]; 3],
+    scale: [f32; GROUP],
+}
+
+impl Group {
+    /// Coordinates clamped to the unit cube; missing points count as not finite.
+    #[inline(never)]
+    fn of(points: &[f32]) -> Self {
+        let mut group = Self {
+            axes: [[0.0; GROUP]; 3],
+            scale: [0.0; GROUP],
+        };
+        for (i, point) in points.chunks_exact(3).enumerate().take(GROUP) {
+            if point.iter().all(|x| x.is_finite()) {
+                group.scale[i] = 1.0;
+                for (axis, x) in group.axes.iter_mut().zip(point) {
+                    axis[i] = x.clamp(0.0, 1.0);
+                }
+            }
+        }
+        group
     }
 }
 
@@ -62,54 +92,97 @@ impl HashGridSpec {
 struct Level {
     resolution: f32,
     side: u32,
-    mask: u32,
     dense: bool,
 }
 
+/// Table entries (still to be taken modulo the table's length) and interpolation weights of a
+/// group's cells, corner by corner.
+struct Cells {
+    entries: [[u32; GROUP]; CORNERS],
+    weights: [[f32; GROUP]; CORNERS],
+}
+
 impl Level {
-    /// Table entries and interpolation weights of a point's cell. A point that is not finite has
-    /// weight nowhere, so that it encodes to zeros and receives no gradient.
     #[inline(always)]
-    fn cell(self, point: &[f32]) -> ([u32; CORNERS], [f32; CORNERS]) {
-        let mut base = [0u32; 3];
-        let mut frac = [0f32; 3];
-        let mut scale = 1.0;
+    fn cells(self, group: &Group) -> Cells {
+        let last = self.side.saturating_sub(2) as i32;
+        let mut low = [[0u32; GROUP]; 3];
+        let mut high = [[0u32; GROUP]; 3];
+        let mut frac = [[0f32; GROUP]; 3];
         for axis in 0..3 {
-            let x = point[axis];
-            if !x.is_finite() {
-                scale = 0.0;
-                continue;
-            }
-            let scaled = x.clamp(0.0, 1.0) * self.resolution;
-            let floor = (scaled as u32).min(self.side.saturating_sub(2));
-            base[axis] = floor;
-            frac[axis] = scaled - floor as f32;
-        }
-        let mut entries = [0u32; CORNERS];
-        let mut weights = [0f32; CORNERS];
-        for corner in 0..CORNERS {
-            let offset = [corner & 1, (corner >> 1) & 1, corner >> 2];
-            let mut weight = scale;
-            let mut at = [0u32; 3];
-            for axis in 0..3 {
-                at[axis] = base[axis] + offset[axis] as u32;
-                weight *= if offset[axis] == 1 {
-                    frac[axis]
-                } else {
-                    1.0 - frac[axis]
-                };
-            }
-            entries[corner] = if self.dense {
-                at[0] + self.side * (at[1] + self.side * at[2])
-            } else {
-                (at[0].wrapping_mul(PRIMES[0])
-                    ^ at[1].wrapping_mul(PRIMES[1])
-                    ^ at[2].wrapping_mul(PRIMES[2]))
-                    & self.mask
+            let step = match (self.dense, axis) {
+                (_, 0) => 1,
+                (true, 1) => self.side,
+                (true, _) => self.side * self.side,
+                (false, axis) => PRIMES[axis],
             };
-            weights[corner] = weight;
+            for i in 0..GROUP {
+                let scaled = group.axes[axis][i] * self.resolution;
+                let floor = (scaled as i32).min(last);
+                frac[axis][i] = scaled - floor as f32;
+                low[axis][i] = (floor as u32).wrapping_mul(step);
+                high[axis][i] = low[axis][i].wrapping_add(step);
+            }
         }
-        (entries, weights)
+        let mut cells = Cells {
+            entries: [[0; GROUP]; CORNERS],
+            weights: [[0.0; GROUP]; CORNERS],
+        };
+        for corner in 0..CORNERS {
+            let side = |axis: usize| match corner >> axis & 1 {
+                0 => &low[axis],
+                _ => &high[axis],
+            };
+            let (x, y, z) = (side(0), side(1), side(2));
+            for i in 0..GROUP {
+                cells.entries[corner][i] = if self.dense {
+                    x[i] + y[i] + z[i]
+                } else {
+                    x[i] ^ y[i] ^ z[i]
+                };
+                let part = |axis: usize| match corner >> axis & 1 {
+                    0 => 1.0 - frac[axis][i],
+                    _ => frac[axis][i],
+                };
+                cells.weights[corner][i] = group.scale[i] * part(0) * part(1) * part(2);
+            }
+        }
+        cells
+    }
+}
+
+/// These two run outside of the vectorised code: its gather and scatter instructions are slower
+/// than loading an entry, which is a short vector already.
+impl Cells {
+    /// Writes each point's interpolated entry at the beginning of every `width` numbers.
+    #[inline(never)]
+    fn interpolate<const F: usize>(&self, entries: &[[f32; F]], width: usize, out: &mut [f32]) {
+        // Taking indices modulo the length shows that they are inside.
+        let mask = entries.len() - 1;
+        for (i, out) in out.chunks_mut(width).enumerate() {
+            let mut sum = [0f32; F];
+            for corner in 0..CORNERS {
+                let entry = &entries[self.entries[corner][i] as usize & mask];
+                for f in 0..F {
+                    sum[f] += self.weights[corner][i] * entry[f];
+                }
+            }
+            out[..F].copy_from_slice(&sum);
+        }
+    }
+
+    /// Adds the gradients at the beginning of every `width` numbers to the points' entries.
+    #[inline(never)]
+    fn spread<const F: usize>(&self, grads: &[f32], width: usize, entries: &mut [[f32; F]]) {
+        let mask = entries.len() - 1;
+        for (i, grad) in grads.chunks(width).enumerate() {
+            for corner in 0..CORNERS {
+                let entry = &mut entries[self.entries[corner][i] as usize & mask];
+                for f in 0..F {
+                    entry[f] += self.weights[corner][i] * grad[f];
+                }
+            }
+        }
     }
 }
 
@@ -127,10 +200,10 @@ pub fn forward(spec: &HashGridSpec, points: &[f32], table: &[f32]) -> Vec<f32> {
     out.par_chunks_mut(CHUNK * spec.outputs())
         .zip(points.par_chunks(CHUNK * 3))
         .for_each(|(out, points)| match spec.features {
-            1 => forward_chunk::<1>(spec, points, table, out),
-            2 => forward_chunk::<2>(spec, points, table, out),
-            4 => forward_chunk::<4>(spec, points, table, out),
-            8 => forward_chunk::<8>(spec, points, table, out),
+            1 => Arch::new().dispatch(ForwardChunk::<1>(spec, points, table, out)),
+            2 => Arch::new().dispatch(ForwardChunk::<2>(spec, points, table, out)),
+            4 => Arch::new().dispatch(ForwardChunk::<4>(spec, points, table, out)),
+            8 => Arch::new().dispatch(ForwardChunk::<8>(spec, points, table, out)),
             other => unsupported(other),
         });
     out
@@ -140,29 +213,26 @@ fn unsupported(features: usize) -> ! {
     panic!("hash grids have 1, 2, 4 or 8 features an entry, not {features}")
 }
 
-fn forward_chunk<const F: usize>(
-    spec: &HashGridSpec,
-    points: &[f32],
-    table: &[f32],
-    out: &mut [f32],
-) {
-    for level_index in 0..spec.levels {
-        let level = spec.level(level_index);
-        let table = &table[level_index * spec.level_params()..][..spec.level_params()];
-        let (entries, _) = table.as_chunks::<F>();
-        for (point, out) in points
-            .chunks_exact(3)
-            .zip(out.chunks_exact_mut(spec.outputs()))
-        {
-            let (cells, weights) = level.cell(point);
-            let mut sum = [0f32; F];
-            for corner in 0..CORNERS {
-                let entry = &entries[cells[corner] as usize];
-                for f in 0..F {
-                    sum[f] += weights[corner] * entry[f];
-                }
+/// Points, table and encoded points.
+struct ForwardChunk<'a, const F: usize>(&'a HashGridSpec, &'a [f32], &'a [f32], &'a mut [f32]);
+
+impl<const F: usize> WithSimd for ForwardChunk<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self(spec, points, table, out) = self;
+        let groups: Vec<Group> = points.chunks(GROUP * 3).map(Group::of).collect();
+        let width = spec.outputs();
+        for index in 0..spec.levels {
+            let level = spec.level(index);
+            let table = &table[index * spec.level_params()..][..spec.level_params()];
+            let (entries, _) = table.as_chunks::<F>();
+            for (group, out) in groups.iter().zip(out.chunks_mut(GROUP * width)) {
+                level
+                    .cells(group)
+                    .interpolate(entries, width, &mut out[index * F..]);
             }
-            out[level_index * F..][..F].copy_from_slice(&sum);
         }
     }
 }
@@ -182,38 +252,36 @@ pub fn backward(spec: &HashGridSpec, points: &[f32], grad: &[f32]) -> Vec<f32> {
         .par_chunks_mut(spec.level_params())
         .enumerate()
         .for_each(|(level, table_grad)| match spec.features {
-            1 => backward_level::<1>(spec, level, points, grad, table_grad),
-            2 => backward_level::<2>(spec, level, points, grad, table_grad),
-            4 => backward_level::<4>(spec, level, points, grad, table_grad),
-            8 => backward_level::<8>(spec, level, points, grad, table_grad),
+            1 => Arch::new().dispatch(BackwardLevel::<1>(spec, level, points, grad, table_grad)),
+            2 => Arch::new().dispatch(BackwardLevel::<2>(spec, level, points, grad, table_grad)),
+            4 => Arch::new().dispatch(BackwardLevel::<4>(spec, level, points, grad, table_grad)),
+            8 => Arch::new().dispatch(BackwardLevel::<8>(spec, level, points, grad, table_grad)),
             other => unsupported(other),
         });
     table_grad
 }
 
-fn backward_level<const F: usize>(
-    spec: &HashGridSpec,
-    level_index: usize,
-    points: &[f32],
-    grad: &[f32],
-    table_grad: &mut [f32],
-) {
-    let level = spec.level(level_index);
-    let (entries, _) = table_grad.as_chunks_mut::<F>();
-    for (point, grad) in points
-        .chunks_exact(3)
-        .zip(grad.chunks_exact(spec.outputs()))
-    {
-        let grad = &grad[level_index * F..][..F];
-        if grad.iter().all(|g| *g == 0.0) {
-            continue;
-        }
-        let (cells, weights) = level.cell(point);
-        for corner in 0..CORNERS {
-            let entry = &mut entries[cells[corner] as usize];
-            for f in 0..F {
-                entry[f] += weights[corner] * grad[f];
-            }
+/// Level, points, their gradient and the level's.
+struct BackwardLevel<'a, const F: usize>(
+    &'a HashGridSpec,
+    usize,
+    &'a [f32],
+    &'a [f32],
+    &'a mut [f32],
+);
+
+impl<const F: usize> WithSimd for BackwardLevel<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self(spec, index, points, grad, table_grad) = self;
+        let (level, width) = (spec.level(index), spec.outputs());
+        let (entries, _) = table_grad.as_chunks_mut::<F>();
+        let grads = grad.chunks(GROUP * width);
+        for (points, grads) in points.chunks(GROUP * 3).zip(grads) {
+            let cells = level.cells(&Group::of(points));
+            cells.spread(&grads[index * F..], width, entries);
         }
     }
 }

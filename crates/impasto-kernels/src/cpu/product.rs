@@ -213,10 +213,10 @@ impl Product<'_> {
                 for _ in 0..left.columns {
                     let vectors: [S::f32s; V] =
                         std::array::from_fn(|v| load::<S, MASKED>(simd, right, v, V, mask));
-                    for r in 0..R {
+                    for (r, sums) in sums.iter_mut().enumerate() {
                         let x = simd.splat_f32s(*at.add(r * left.row_stride));
-                        for v in 0..V {
-                            sums[r][v] = simd.mul_add_e_f32s(x, vectors[v], sums[r][v]);
+                        for (sum, vector) in sums.iter_mut().zip(vectors) {
+                            *sum = simd.mul_add_e_f32s(x, vector, *sum);
                         }
                     }
                     at = at.wrapping_add(left.column_stride);
@@ -288,7 +288,7 @@ mod tests {
     /// Every instruction set of this machine, and none.
     fn architectures() -> Vec<fn(Run<'_>)> {
         let mut all: Vec<fn(Run<'_>)> = vec![|run| Arch::new().dispatch(run), |run| {
-            Simd::vectorize(pulp::Scalar, run)
+            Simd::vectorize(pulp::Scalar, run);
         }];
         #[cfg(target_arch = "x86_64")]
         if pulp::x86::V3::try_new().is_some() {

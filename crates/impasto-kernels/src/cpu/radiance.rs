@@ -120,7 +120,7 @@ pub struct Radiance {
 /// Colours.
 const CHANNELS: usize = 3;
 /// Samples that go through the layers together: their activations fit the second-level cache.
-const TILE: usize = 256;
+const TILE: usize = 128;
 /// Most pieces the rays are cut into; fixed, so that sums do not depend on the number of threads.
 const PIECES: usize = 8;
 
@@ -129,9 +129,9 @@ const PIECES: usize = 8;
 ///
 /// # Panics
 /// If slices do not have their stated lengths or samples are packed otherwise.
-pub fn loss(spec: &RadianceSpec, volumes: [Volume<&[f32]>; 2]) -> Radiance {
+pub fn loss(spec: &RadianceSpec, volumes: &[Volume<&[f32]>; 2]) -> Radiance {
     let rays = &spec.layout.rays;
-    let counts = check(spec, &volumes);
+    let counts = check(spec, volumes);
     let [inner, outer] = [0, 1].map(|v| PackedVolume::new(&spec.volumes[v], &volumes[v]));
     let packed = [&inner, &outer];
     let mut encoded = counts.map(|n| vec![0.0; n]);
@@ -168,7 +168,7 @@ pub fn loss(spec: &RadianceSpec, volumes: [Volume<&[f32]>; 2]) -> Radiance {
             Arch::new().dispatch(Piece {
                 spec,
                 packed,
-                volumes: &volumes,
+                volumes,
                 first_ray: i * per_piece,
                 rays,
                 out,
@@ -230,9 +230,17 @@ fn check(spec: &RadianceSpec, volumes: &[Volume<&[f32]>; 2]) -> [usize; 2] {
     );
     let counts = [inner.len(), outer.len()];
     for ((volume, spec), n) in volumes.iter().zip(&spec.volumes).zip(counts) {
-        assert_eq!(volume.encoded.len(), n * spec.base.inputs(), "encoded samples");
+        assert_eq!(
+            volume.encoded.len(),
+            n * spec.base.inputs(),
+            "encoded samples"
+        );
     }
-    for values in [&spec.layout.deltas, &spec.layout.depths, &spec.layout.distances] {
+    for values in [
+        &spec.layout.deltas,
+        &spec.layout.depths,
+        &spec.layout.distances,
+    ] {
         assert_eq!(values.len(), counts[0] + counts[1], "samples of a layout");
     }
     assert_eq!(spec.targets.len(), rays.len() * CHANNELS, "wanted colours");
@@ -397,7 +405,8 @@ impl VolumeScratch {
                 input[width..].copy_from_slice(view);
             }
         }
-        self.app.forward(simd, &packed.app, &self.app_input[..rows * inputs]);
+        self.app
+            .forward(simd, &packed.app, &self.app_input[..rows * inputs]);
         colours.copy_from_slice(&self.app.output()[..rows * CHANNELS]);
     }
 
@@ -418,7 +427,8 @@ impl VolumeScratch {
         input_grad.fill(0.0);
         let input = &self.app_input[..rows * inputs];
         let app = (input, colour_grad);
-        self.app.backward(simd, &packed.app, app, &mut grads.app, input_grad);
+        self.app
+            .backward(simd, &packed.app, app, &mut grads.app, input_grad);
         let feature_grad = &mut self.feature_grad[..rows * width];
         let parts = input_grad.chunks_exact(inputs);
         for (to, from) in feature_grad.chunks_exact_mut(width).zip(parts) {
@@ -431,9 +441,11 @@ impl VolumeScratch {
         }
         let features = &self.base.output()[..rows * width];
         let geo = (features, &*raw_grad);
-        self.geo.backward(simd, &packed.geo, geo, &mut grads.geo, feature_grad);
+        self.geo
+            .backward(simd, &packed.geo, geo, &mut grads.geo, feature_grad);
         let base = (encoded, &*feature_grad);
-        self.base.backward(simd, &packed.base, base, &mut grads.base, encoded_grad);
+        self.base
+            .backward(simd, &packed.base, base, &mut grads.base, encoded_grad);
     }
 }
 
@@ -468,6 +480,9 @@ impl Piece<'_> {
         });
         for v in 0..2 {
             let part = [0..split, split..count][v].clone();
+            if part.is_empty() {
+                continue;
+            }
             let colours = &mut colours[part.start * CHANNELS..part.end * CHANNELS];
             let out = (&mut densities[part], colours);
             scratch[v].forward(simd, self.packed[v], encoded[v], ray_views(v), out);
@@ -477,6 +492,9 @@ impl Piece<'_> {
         let first = ranges(self.rays);
         for v in 0..2 {
             let part = [0..split, split..count][v].clone();
+            if part.is_empty() {
+                continue;
+            }
             let own = global[v].start - first[v].start..global[v].end - first[v].start;
             let width = self.packed[v].base.spec.inputs();
             let (encoded_grad, kept) = &mut self.out[v];

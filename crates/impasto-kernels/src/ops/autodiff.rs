@@ -96,7 +96,7 @@ impl<B: KernelGrad> Backward<B, 8> for RadianceLoss {
         let of_loss = B::float_slice(grad, &[Slice::from(0..1)]);
         for (node, own) in ops.parents.into_iter().zip(ops.state) {
             if let Some(node) = node {
-                grads.register::<B>(node.id, B::float_mul(own, of_loss.clone()));
+                grads.register::<B>(node.id, B::scaled(own, of_loss.clone()));
             }
         }
     }
@@ -147,10 +147,7 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
         }
     }
 
-    fn radiance_loss(
-        volumes: RadianceVolumes<Self>,
-        spec: Arc<RadianceSpec>,
-    ) -> FloatTensor<Self> {
+    fn radiance_loss(volumes: RadianceVolumes<Self>, spec: Arc<RadianceSpec>) -> FloatTensor<Self> {
         let mut nodes = Vec::with_capacity(8);
         let primitives = volumes.into_array().map(|tensor| {
             let (primitive, node) = tensor.into_parts();

@@ -6,6 +6,7 @@ use crate::cpu::{adam, composite, hash_grid, mlp, radiance};
 use crate::{
     AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
 };
+use burn::backend::ops::FloatTensorOps;
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Flex, TensorMetadata};
 use burn::tensor::{Shape, TensorData};
@@ -141,14 +142,14 @@ impl KernelGrad for Flex {
         spec: &RadianceSpec,
     ) -> (Primitive, RadianceVolumes<Self>) {
         let all = volumes.into_array().map(|t| t.to_contiguous());
-        let slices = all.each_ref().map(|t| t.storage::<f32>());
+        let slices = all.each_ref().map(Primitive::storage::<f32>);
         let volume = |i: usize| Volume {
             encoded: slices[i],
             base: slices[i + 1],
             geo: slices[i + 2],
             app: slices[i + 3],
         };
-        let result = radiance::loss(spec, [volume(0), volume(4)]);
+        let result = radiance::loss(spec, &[volume(0), volume(4)]);
         let numbers = [vec![result.loss, result.error], result.densities].concat();
         let length = numbers.len();
         let [inner, outer] = result.grads;
@@ -170,6 +171,16 @@ impl KernelGrad for Flex {
             tensor(numbers, [length]),
             RadianceVolumes::from_array(grads),
         )
+    }
+
+    /// A loss that is the end of its graph has a gradient of one: nothing to do for millions of
+    /// numbers.
+    fn scaled(tensor: Primitive, factor: Primitive) -> Primitive {
+        if with(&factor, |f| f == [1.0]) {
+            tensor
+        } else {
+            Self::float_mul(tensor, factor)
+        }
     }
 
     fn perceptual_taped(

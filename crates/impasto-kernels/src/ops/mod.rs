@@ -6,7 +6,9 @@
 mod autodiff;
 mod flex;
 
-use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume};
+use crate::{
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+};
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
 use burn::tensor::Tensor;
@@ -76,6 +78,8 @@ pub trait KernelGrad: Backend {
         volumes: RadianceVolumes<Self>,
         spec: &RadianceSpec,
     ) -> (FloatTensor<Self>, RadianceVolumes<Self>);
+    /// `tensor` times the only number of `factor`.
+    fn scaled(tensor: FloatTensor<Self>, factor: FloatTensor<Self>) -> FloatTensor<Self>;
     /// Forward pass that keeps its activations.
     fn perceptual_taped(
         image: FloatTensor<Self>,

@@ -1,0 +1,281 @@
+//! The radiance loss: twin, gradients, poisoned samples, packing, determinism.
+
+mod common;
+
+use common::*;
+use impasto_kernels::cpu::radiance;
+use impasto_kernels::{
+    Activation, CompositeLayout, Density, MlpSpec, RadianceSpec, RaySpan, Volume, VolumeSpec, ops,
+};
+use std::sync::Arc;
+
+const WIDTH: usize = 5;
+const FEATURES: usize = 4;
+
+fn spec(rays: usize, density: Density, view: usize) -> RadianceSpec {
+    let volume = |hidden: &[usize]| VolumeSpec {
+        base: MlpSpec::relu(&[WIDTH, 8, FEATURES], false, Activation::Relu),
+        geo: MlpSpec::relu(&[FEATURES, 1], false, Activation::Linear),
+        density,
+        app: MlpSpec::relu(
+            &[&[FEATURES + view], hidden, &[3]].concat(),
+            false,
+            Activation::Sigmoid,
+        ),
+    };
+    // Rays with no to six inner and one to four outer samples.
+    let counts: Vec<[usize; 2]> = (0..rays).map(|ray| [ray % 7, 1 + ray / 7 % 4]).collect();
+    let mut at = [0, counts.iter().map(|c| c[0]).sum()];
+    let spans = counts.iter().map(|count| {
+        let [inner, outer] = [0, 1].map(|v| at[v]..at[v] + count[v]);
+        at = [inner.end, outer.end];
+        RaySpan { inner, outer }
+    });
+    let spans: Vec<RaySpan> = spans.collect();
+    let total: usize = counts.iter().flatten().sum();
+    let mut distances = vec![0.0; total];
+    for span in &spans {
+        for (rank, i) in span.inner.clone().chain(span.outer.clone()).enumerate() {
+            distances[i] = rank as f32 / 11.0;
+        }
+    }
+    RadianceSpec {
+        volumes: [volume(&[8]), volume(&[6, 6])],
+        layout: CompositeLayout {
+            rays: spans,
+            deltas: numbers(1, total, 0.05..0.6),
+            depths: numbers(2, total, 0.0..3.0),
+            distances,
+        },
+        views: numbers(3, rays * view, -1.0..1.0),
+        targets: numbers(4, rays * 3, 0.0..1.0),
+        depth: 0.3,
+        distortion: 0.2,
+    }
+}
+
+/// Inner and outer encodings and parameters.
+fn inputs(spec: &RadianceSpec, seed: u64) -> [Volume<Vec<f32>>; 2] {
+    let rays = &spec.layout.rays;
+    let inner: usize = rays.iter().map(|r| r.inner.len()).sum();
+    let counts = [inner, spec.layout.deltas.len() - inner];
+    [0, 1].map(|v| {
+        let (volume, seed) = (&spec.volumes[v], seed + 10 * v as u64);
+        Volume {
+            encoded: numbers(seed, counts[v] * WIDTH, -1.0..1.0),
+            base: numbers(seed + 1, volume.base.params(), -0.8..0.8),
+            geo: numbers(seed + 2, volume.geo.params(), -0.8..0.8),
+            app: numbers(seed + 3, volume.app.params(), -0.8..0.8),
+        }
+    })
+}
+
+fn slices(volumes: &[Volume<Vec<f32>>; 2]) -> [Volume<&[f32]>; 2] {
+    volumes.each_ref().map(|v| Volume {
+        encoded: &*v.encoded,
+        base: &v.base,
+        geo: &v.geo,
+        app: &v.app,
+    })
+}
+
+/// One row through layers, and how near a relu came to its kink.
+fn layers(mlp: &MlpSpec, params: &[f64], row: &[f64], margin: &mut f64) -> Vec<f64> {
+    let (mut current, mut offset) = (row.to_vec(), 0);
+    for layer in mlp.layers() {
+        let (weight, bias) =
+            params[offset..offset + layer.params()].split_at(layer.inputs * layer.outputs);
+        offset += layer.params();
+        let next = weight.chunks(layer.inputs).zip(bias).map(|(row, bias)| {
+            let sum: f64 = row.iter().zip(&current).map(|(w, x)| w * x).sum();
+            match layer.activation {
+                Activation::Linear => sum + bias,
+                Activation::Relu => {
+                    *margin = margin.min((sum + bias).abs());
+                    (sum + bias).max(0.0)
+                }
+                Activation::Sigmoid => 1.0 / (1.0 + (-sum - bias).exp()),
+            }
+        });
+        current = next.collect();
+    }
+    current
+}
+
+struct Evaluated {
+    loss: f64,
+    error: f64,
+    densities: Vec<f64>,
+    margin: f64,
+}
+
+fn twin(spec: &RadianceSpec, volumes: &[Volume<Vec<f64>>; 2]) -> Evaluated {
+    let layout = &spec.layout;
+    let rays = layout.rays.len();
+    let view = spec.views.len() / rays;
+    let split = volumes[0].encoded.len() / WIDTH;
+    let mut out = Evaluated {
+        loss: 0.0,
+        error: 0.0,
+        densities: vec![0.0; layout.deltas.len()],
+        margin: f64::MAX,
+    };
+    for (ray, span) in layout.rays.iter().enumerate() {
+        let mut transmittance = 1.0;
+        let mut colour = [0.0; 3];
+        let mut marched: Vec<(f64, f64)> = Vec::new();
+        for i in span.inner.clone().chain(span.outer.clone()) {
+            let v = usize::from(i >= split);
+            let (shape, volume) = (&spec.volumes[v], &volumes[v]);
+            let row = &volume.encoded[(i - v * split) * WIDTH..][..WIDTH];
+            let features = layers(&shape.base, &volume.base, row, &mut out.margin);
+            let raw = layers(&shape.geo, &volume.geo, &features, &mut out.margin)[0];
+            let density = match shape.density {
+                Density::Exp => raw.clamp(-15.0, 15.0).exp(),
+                Density::Abs => {
+                    out.margin = out.margin.min(raw.abs());
+                    raw.abs()
+                }
+            };
+            let mut input = features;
+            input.extend(wide(&spec.views[ray * view..][..view]));
+            let shade = layers(&shape.app, &volume.app, &input, &mut out.margin);
+            let passed = (-density * f64::from(layout.deltas[i])).exp();
+            let weight = transmittance * (1.0 - passed);
+            transmittance *= passed + 1e-6;
+            (0..3).for_each(|c| colour[c] += weight * shade[c]);
+            out.loss += f64::from(spec.depth) * weight * f64::from(layout.depths[i]);
+            marched.push((weight, f64::from(layout.distances[i])));
+            out.densities[i] = density;
+        }
+        for (a, s) in &marched {
+            let spread = marched.iter().map(|(b, t)| a * b * (s - t).abs());
+            out.loss += f64::from(spec.distortion) * spread.sum::<f64>();
+        }
+        for (c, colour) in colour.iter().enumerate() {
+            out.error += (colour - f64::from(spec.targets[ray * 3 + c])).powi(2) / 3.0;
+        }
+    }
+    out.error /= rays as f64;
+    out.loss = out.loss / rays as f64 + out.error;
+    out
+}
+
+fn in_double(volumes: &[Volume<Vec<f32>>; 2]) -> [Volume<Vec<f64>>; 2] {
+    volumes.clone().map(|v| v.map(|data| wide(&data)))
+}
+
+fn variants() -> impl Iterator<Item = (Density, usize)> {
+    [Density::Exp, Density::Abs]
+        .into_iter()
+        .flat_map(|density| [0, 3].map(|view| (density, view)))
+}
+
+#[test]
+fn equals_its_twin_whatever_the_number_of_rays() {
+    for (density, view) in variants() {
+        for rays in [1, 8, 9, 150] {
+            let spec = spec(rays, density, view);
+            let volumes = inputs(&spec, 30);
+            let found = radiance::loss(&spec, &slices(&volumes));
+            let wanted = twin(&spec, &in_double(&volumes));
+            let what = format!("{density:?}, {view} numbers of view, {rays} rays");
+            let numbers = [found.loss, found.error];
+            assert_close(&what, &numbers, &[wanted.loss, wanted.error], 1e-5);
+            assert_close(&what, &found.densities, &wanted.densities, 1e-5);
+        }
+    }
+}
+
+/// One of the eight vectors.
+fn part<T>(volumes: &mut [Volume<T>; 2], i: usize) -> &mut T {
+    let volume = &mut volumes[i / 4];
+    match i % 4 {
+        0 => &mut volume.encoded,
+        1 => &mut volume.base,
+        2 => &mut volume.geo,
+        _ => &mut volume.app,
+    }
+}
+
+#[test]
+fn gradients_equal_the_twins_differences() {
+    for (density, view) in variants() {
+        let spec = spec(12, density, view);
+        let mut volumes = (0..1000)
+            .map(|seed| inputs(&spec, 100 * seed))
+            .find(|v| twin(&spec, &in_double(v)).margin > 2e-5)
+            .expect("one of a thousand seeds stays off the kinks");
+        let mut grads = radiance::loss(&spec, &slices(&volumes)).grads;
+        for i in 0..8 {
+            let wide = in_double(&volumes);
+            let wanted = differences(part(&mut volumes, i), |x| {
+                let mut wide = wide.clone();
+                part(&mut wide, i).copy_from_slice(x);
+                twin(&spec, &wide).loss
+            });
+            let what = format!("{density:?}, {view} numbers of view, input {i}");
+            assert_close(&what, part(&mut grads, i), &wanted, 1e-4);
+        }
+    }
+}
+
+#[test]
+fn operation_has_the_gradients_times_its_factor() {
+    let spec = Arc::new(spec(20, Density::Exp, 3));
+    let volumes = inputs(&spec, 5);
+    let found = radiance::loss(&spec, &slices(&volumes));
+    let leaves = volumes.map(|v| v.map(|data| leaf(&data, [data.len()])));
+    for factor in [1.0, -3.0] {
+        let out = ops::radiance_loss(leaves.clone(), Arc::clone(&spec));
+        let numbers = values(out.clone().inner());
+        assert_same("loss", &numbers[..2], &[found.loss, found.error]);
+        assert_same("densities", &numbers[2..], &found.densities);
+        let gradients = (out.slice_dim(0, 0..1) * factor).backward();
+        let mut taken = leaves
+            .clone()
+            .map(|v| v.map(|leaf| gradient(&leaf, &gradients)));
+        let mut grads = found.grads.clone();
+        for i in 0..8 {
+            let wanted: Vec<f32> = part(&mut grads, i).iter().map(|g| g * factor).collect();
+            assert_same(&format!("input {i}"), part(&mut taken, i), &wanted);
+        }
+    }
+}
+
+#[test]
+fn a_poisoned_sample_spoils_its_own_ray_only() {
+    let spec = spec(40, Density::Exp, 3);
+    let mut volumes = inputs(&spec, 8);
+    let ray = 20;
+    let poisoned = spec.layout.rays[ray].inner.start;
+    volumes[0].encoded[poisoned * WIDTH] = f32::NAN;
+    let found = radiance::loss(&spec, &slices(&volumes));
+    assert!(found.loss.is_nan(), "it does not go unnoticed");
+    for (other, span) in spec.layout.rays.iter().enumerate() {
+        let rows = span.inner.start * WIDTH..span.inner.end * WIDTH;
+        let spoilt = found.grads[0].encoded[rows].iter().any(|g| !g.is_finite());
+        assert_eq!(spoilt, other == ray, "ray {other}");
+    }
+}
+
+#[test]
+#[should_panic(expected = "packed ray by ray")]
+fn refuses_samples_with_gaps() {
+    let mut spec = spec(9, Density::Exp, 0);
+    spec.layout.rays.swap(2, 5);
+    let volumes = inputs(&spec, 1);
+    radiance::loss(&spec, &slices(&volumes));
+}
+
+#[test]
+fn does_not_depend_on_threads() {
+    let spec = spec(400, Density::Exp, 3);
+    let volumes = inputs(&spec, 2);
+    assert_deterministic("loss and gradients", || {
+        let found = radiance::loss(&spec, &slices(&volumes));
+        let grads = found.grads.into_iter();
+        let grads = grads.flat_map(|v| [v.encoded, v.base, v.geo, v.app].concat());
+        [found.loss, found.error].into_iter().chain(grads).collect()
+    });
+}
