@@ -25,5 +25,5 @@ pub use appearance::{Appearance, AppearanceConfig, Canvas, Shading};
 pub use branch::{Branch, BranchWeights};
 pub use config::{DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig};
 pub use field::{Field, FieldWeights, Grids, Visible};
-pub use render::{Geometry, RenderedRays, render_rays};
+pub use render::{Geometry, RenderedRays, prepare_rays, render_rays};
 pub use sampling::{RayBatch, Samples, contracted_distance};

@@ -7,6 +7,7 @@ use crate::sampling::{RayBatch, Samples, march};
 use burn::tensor::Tensor;
 use impasto_kernels::cpu::composite;
 use impasto_kernels::{CompositeLayout, ops};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The numbers of a tensor, in row-major order.
@@ -20,9 +21,9 @@ pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 pub struct Geometry {
     pub(crate) samples: Samples,
     pub(crate) layout: Arc<CompositeLayout>,
-    /// Features of the inner volume, absent when no ray has a sample there.
+    /// Features of each volume, absent when no ray has a sample there.
     pub(crate) inner: Option<Tensor<2>>,
-    pub(crate) outer: Tensor<2>,
+    pub(crate) outer: Option<Tensor<2>>,
     pub(crate) density: Tensor<1>,
 }
 
@@ -41,7 +42,7 @@ impl Geometry {
     pub fn lifted(self) -> Self {
         Self {
             inner: self.inner.map(Tensor::from_inner),
-            outer: Tensor::from_inner(self.outer),
+            outer: self.outer.map(Tensor::from_inner),
             density: Tensor::from_inner(self.density),
             ..self
         }
@@ -102,13 +103,51 @@ impl Field {
             layout: Arc::new(samples.layout.clone()),
             samples,
             inner,
-            outer,
+            outer: Some(outer),
             density,
         }
     }
 }
 
 impl Geometry {
+    /// Geometries of one batch of rays after the other as one.
+    fn joined(parts: Vec<Self>) -> Self {
+        let splits: Vec<[usize; 2]> = parts
+            .iter()
+            .map(|part| [part.samples.inner.len(), part.samples.outer.len()])
+            .collect();
+        let densities: Vec<Vec<f32>> = parts.iter().map(|p| host(p.density.clone())).collect();
+        let density: Vec<f32> = [0, 1]
+            .into_iter()
+            .flat_map(|volume| {
+                densities.iter().zip(&splits).flat_map(move |(d, split)| {
+                    let (inner, outer) = d.split_at(split[0]);
+                    if volume == 0 { inner } else { outer }
+                })
+            })
+            .copied()
+            .collect();
+        let device = parts
+            .first()
+            .map(|p| p.density.device())
+            .unwrap_or_default();
+        let (mut inner, mut outer, mut samples) = (Vec::new(), Vec::new(), Vec::new());
+        for part in parts {
+            inner.extend(part.inner);
+            outer.extend(part.outer);
+            samples.push(part.samples);
+        }
+        let joined = |all: Vec<Tensor<2>>| (!all.is_empty()).then(|| Tensor::cat(all, 0));
+        let samples = Samples::joined(samples);
+        Self {
+            layout: Arc::new(samples.layout.clone()),
+            samples,
+            inner: joined(inner),
+            outer: joined(outer),
+            density: Tensor::from_data(density.as_slice(), &device),
+        }
+    }
+
     /// Only the samples that contribute at least `least` of a ray's light, and the farthest of
     /// each ray. Of a ray whose smaller samples add up to more than 2 % of the light, as haze
     /// does, all those that contribute a tenth of `least` are kept. No gradients.
@@ -121,31 +160,28 @@ impl Geometry {
             if small.sum::<f32>() > MOST_DROPPED {
                 all().for_each(|i| keep[i] = weights[i] >= 0.1 * least);
             }
-            // The composite needs the sample that everything infinitely far belongs to.
-            keep[span.outer.end - 1] = true;
+            // What is left of the light belongs to the farthest sample.
+            if let Some(last) = all().last() {
+                keep[last] = true;
+            }
         }
         let samples = self.samples.pruned(&keep);
         let split = self.samples.inner.len();
-        let device = self.outer.device();
-        let rows = |features: &Tensor<2>, keep: &[bool]| {
+        let device = self.density.device();
+        let kept_of = |features: &Option<Tensor<2>>, keep: &[bool]| {
+            let features = features.as_ref().filter(|_| keep.contains(&true))?;
             let width = features.dims()[1];
             let rows = host(features.clone());
             let kept = rows.chunks_exact(width).zip(keep).filter(|(_, k)| **k);
-            matrix(
-                kept.flat_map(|(row, _)| row).copied().collect(),
-                width,
-                &device,
-            )
+            let kept = kept.flat_map(|(row, _)| row).copied().collect();
+            Some(matrix(kept, width, &device))
         };
         let densities = host(self.density.clone());
         let kept = densities.iter().zip(&keep).filter(|(_, k)| **k);
         let density: Vec<f32> = kept.map(|(d, _)| *d).collect();
         Self {
-            inner: match (&self.inner, samples.inner.is_empty()) {
-                (Some(features), false) => Some(rows(features, &keep[..split])),
-                _ => None,
-            },
-            outer: rows(&self.outer, &keep[split..]),
+            inner: kept_of(&self.inner, &keep[..split]),
+            outer: kept_of(&self.outer, &keep[split..]),
             density: Tensor::from_data(density.as_slice(), &device),
             layout: Arc::new(samples.layout.clone()),
             samples,
@@ -183,10 +219,12 @@ impl Geometry {
                 inputs,
             )
         };
-        let outer = colour(&self.outer, true);
-        let colours = match &self.inner {
-            Some(features) => Tensor::cat(vec![colour(features, false), outer], 0),
-            None => outer,
+        let volumes = [(&self.inner, false), (&self.outer, true)].into_iter();
+        let colours = volumes.filter_map(|(f, outer)| f.as_ref().map(|f| colour(f, outer)));
+        let mut colours: Vec<_> = colours.collect();
+        let colours = match colours.len() {
+            1 => colours.remove(0),
+            _ => Tensor::cat(colours, 0),
         };
         ops::composite(self.density.clone(), colours, Arc::clone(&self.layout))
     }
@@ -203,8 +241,8 @@ pub struct RenderedRays {
 
 /// Samples with less weight than this are not shaded when rendering.
 const SHADE_LEAST: f32 = 1e-3;
-/// Rays rendered together: their features stay well under 100 MB.
-const RENDER_CHUNK: usize = 4096;
+/// Rays rendered together by one thread: their features stay in its cache.
+const RENDER_CHUNK: usize = 128;
 
 /// Renders rays without gradients; geometry is computed once for all appearances.
 pub fn render_rays(
@@ -214,32 +252,88 @@ pub fn render_rays(
     appearances: &[&Appearance],
     rays: &RayBatch,
 ) -> RenderedRays {
+    let chunks: Vec<RenderedRays> = chunks(rays)
+        .map(|(_, chunk)| render_chunk(field, weights, grids, appearances, &chunk))
+        .collect();
     let mut out = RenderedRays {
         colours: vec![Vec::with_capacity(rays.len() * 3); appearances.len()],
         depth: Vec::with_capacity(rays.len()),
     };
-    for start in (0..rays.len()).step_by(RENDER_CHUNK) {
-        let end = (start + RENDER_CHUNK).min(rays.len());
-        let chunk = RayBatch {
-            origins: rays.origins[start..end].to_vec(),
-            directions: rays.directions[start..end].to_vec(),
-        };
-        let geometry = field.geometry(weights, field.sample(&chunk, grids, None));
-        out.depth.extend(geometry.median_depth());
-        let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
-        let samples = needs(Shading::Samples).then(|| geometry.contributing(SHADE_LEAST));
-        let surface = needs(Shading::Surface).then(|| geometry.clone().merged());
-        for (colours, appearance) in out.colours.iter_mut().zip(appearances) {
-            let prepared = match appearance.config.shading {
-                Shading::Samples => &samples,
-                Shading::Surface => &surface,
-            };
-            let geometry = prepared.as_ref().unwrap_or(&geometry);
-            let pixels = host(geometry.composite(appearance));
-            for pixel in pixels.chunks_exact(CompositeLayout::outputs(3)) {
-                colours.extend(pixel[..3].iter().map(|c| c.clamp(0.0, 1.0)));
-            }
+    for chunk in chunks {
+        out.depth.extend(chunk.depth);
+        for (all, own) in out.colours.iter_mut().zip(chunk.colours) {
+            all.extend(own);
         }
     }
     out
+}
+
+/// Rays in groups that one thread handles at a time, with their numbers.
+fn chunks(rays: &RayBatch) -> impl IndexedParallelIterator<Item = (usize, RayBatch)> {
+    (0..rays.len().div_ceil(RENDER_CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let range = chunk * RENDER_CHUNK..((chunk + 1) * RENDER_CHUNK).min(rays.len());
+            let origins = rays.origins[range.clone()].to_vec();
+            let directions = rays.directions[range].to_vec();
+            (
+                chunk,
+                RayBatch {
+                    origins,
+                    directions,
+                },
+            )
+        })
+}
+
+/// Geometry of rays, [prepared](Geometry::prepared) for an appearance of configuration `app`
+/// without samples that contribute less than `least`, and the rays' colours in the look of
+/// `photo`, as [`Geometry::composite`] gives them. No gradients.
+pub fn prepare_rays(
+    (field, weights, grids): (&Field, &FieldWeights, &Grids),
+    photo: &Appearance,
+    (app, least): (&AppearanceConfig, f32),
+    rays: &RayBatch,
+    seed: u64,
+) -> (Geometry, Tensor<2>) {
+    let parts: Vec<(Geometry, Tensor<2>)> = chunks(rays)
+        .map(|(chunk, rays)| {
+            let seed = seed.wrapping_add(chunk as u64);
+            let samples = field.sample(&rays, grids, Some(seed));
+            let geometry = field.geometry(weights, samples).contributing(least);
+            let colours = geometry.clone().prepared(&photo.config).composite(photo);
+            (geometry.prepared(app), colours)
+        })
+        .collect();
+    let (parts, colours): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+    (Geometry::joined(parts), Tensor::cat(colours, 0))
+}
+
+fn render_chunk(
+    field: &Field,
+    weights: &FieldWeights,
+    grids: &Grids,
+    appearances: &[&Appearance],
+    rays: &RayBatch,
+) -> RenderedRays {
+    let geometry = field.geometry(weights, field.sample(rays, grids, None));
+    let depth = geometry.median_depth();
+    let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
+    let samples = needs(Shading::Samples).then(|| geometry.contributing(SHADE_LEAST));
+    let surface = needs(Shading::Surface).then(|| geometry.clone().merged());
+    let colours = appearances.iter().map(|appearance| {
+        let prepared = match appearance.config.shading {
+            Shading::Samples => &samples,
+            Shading::Surface => &surface,
+        };
+        let geometry = prepared.as_ref().unwrap_or(&geometry);
+        let pixels = host(geometry.composite(appearance));
+        let (pixels, _) = pixels.as_chunks::<{ CompositeLayout::outputs(3) }>();
+        let colours = pixels.iter().flat_map(|pixel| &pixel[..3]);
+        colours.map(|c| c.clamp(0.0, 1.0)).collect()
+    });
+    RenderedRays {
+        colours: colours.collect(),
+        depth,
+    }
 }

@@ -117,6 +117,11 @@ impl Samples {
         self.len() == 0
     }
 
+    /// Samples of one batch of rays after the other as one.
+    pub(crate) fn joined(parts: Vec<Self>) -> Self {
+        join(parts.into_iter().map(Part::from).collect())
+    }
+
     /// Keeps the samples that `keep` says, one flag per sample in layout order.
     pub fn pruned(&self, keep: &[bool]) -> Self {
         let split = self.inner.len();
@@ -272,6 +277,23 @@ struct Part {
     outer_steps: [Vec<f32>; 3],
     /// Inner and outer counts per ray.
     counts: Vec<[usize; 2]>,
+}
+
+impl From<Samples> for Part {
+    fn from(samples: Samples) -> Self {
+        let split = samples.inner.len();
+        let layout = samples.layout;
+        let mut inner_steps = [layout.deltas, layout.depths, layout.distances];
+        let outer_steps = inner_steps.each_mut().map(|all| all.split_off(split));
+        let counts = layout.rays.iter();
+        Self {
+            inner: samples.inner,
+            outer: samples.outer,
+            inner_steps,
+            outer_steps,
+            counts: counts.map(|s| [s.inner.len(), s.outer.len()]).collect(),
+        }
+    }
 }
 
 /// What marching needs beside the ray.

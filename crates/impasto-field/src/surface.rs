@@ -8,7 +8,7 @@ use impasto_kernels::{CompositeLayout, RaySpan};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Share of a ray's light under which its inner samples are left out.
+/// Share of a ray's light under which its inner or its outer samples are left out.
 const LEAST_SHARE: f32 = 2e-3;
 /// Optical depth of a step that lets nothing through, in single precision.
 const OPAQUE: f32 = 20.0;
@@ -30,36 +30,38 @@ struct Merged<'a> {
 impl Geometry {
     /// The same rays with one sample per volume: the mean, weighted by contribution, of features
     /// and positions. The inner one is as opaque as all of them together; the outer one takes what
-    /// light is left. No gradients.
+    /// light is left, and is left out where that is nothing. No gradients.
     pub(crate) fn merged(self) -> Self {
         let weights = self.weights();
         let split = self.samples.inner.len();
-        let device = self.outer.device();
+        let device = self.density.device();
         let layout = Arc::clone(&self.layout);
         let mut inner = Merged::new(&self.samples.inner, 3, 0, self.inner.clone());
-        let mut outer = Merged::new(&self.samples.outer, 4, split, Some(self.outer.clone()));
-        let (mut fronts, mut optical) = (Vec::new(), Vec::new());
+        let mut outer = Merged::new(&self.samples.outer, 4, split, self.outer.clone());
+        let (mut parts, mut optical, mut behind) = (Vec::new(), Vec::new(), 0);
         for span in &layout.rays {
             let sum = |range: &Range<usize>| weights[range.clone()].iter().sum::<f32>();
             let (near, far) = (sum(&span.inner), sum(&span.outer));
             let share = near / (near + far).max(1e-12);
-            let before = optical.len();
+            let before = [optical.len(), behind];
+            let opaque = share > 1.0 - LEAST_SHARE;
             if share >= LEAST_SHARE {
-                optical.push((-(1.0 - share).ln()).min(OPAQUE));
+                let depth = -(1.0 - share).ln();
+                optical.push(if opaque { OPAQUE } else { depth });
                 inner.push(&weights, &span.inner, &layout);
             }
-            outer.push(&weights, &span.outer, &layout);
-            fronts.push(before..optical.len());
+            if !opaque {
+                behind += 1;
+                outer.push(&weights, &span.outer, &layout);
+            }
+            parts.push([before[0]..optical.len(), before[1]..behind]);
         }
         let in_front = optical.len();
-        optical.extend(std::iter::repeat_n(OPAQUE, fronts.len()));
-        let rays = fronts
-            .into_iter()
-            .zip(in_front..)
-            .map(|(inner, i)| RaySpan {
-                inner,
-                outer: i..i + 1,
-            });
+        optical.extend(std::iter::repeat_n(OPAQUE, behind));
+        let rays = parts.into_iter().map(|[inner, outer]| RaySpan {
+            inner,
+            outer: in_front + outer.start..in_front + outer.end,
+        });
         let rays = rays.collect();
         let layout = CompositeLayout {
             rays,
@@ -69,7 +71,7 @@ impl Geometry {
         };
         Self {
             inner: (in_front > 0).then(|| matrix(inner.rows, inner.width, &device)),
-            outer: matrix(outer.rows, outer.width, &device),
+            outer: (behind > 0).then(|| matrix(outer.rows, outer.width, &device)),
             density: Tensor::from_data(optical.as_slice(), &device),
             layout: Arc::new(layout.clone()),
             samples: Samples {

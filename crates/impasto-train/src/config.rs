@@ -182,7 +182,7 @@ impl TrainConfig {
                 virtual_share: 0.5,
                 generated: 300,
             },
-            geometry_share: 0.3,
+            geometry_share: 0.2,
         }
     }
 }

@@ -6,7 +6,9 @@ use crate::rays::{CameraRays, PhotoRays};
 use crate::styles::STYLE_SIDE;
 use burn::tensor::Tensor;
 use impasto_field::render::host;
-use impasto_field::{Appearance, AppearanceConfig, Field, FieldWeights, Geometry, Grids, RayBatch};
+use impasto_field::{
+    Appearance, AppearanceConfig, Field, FieldWeights, Geometry, Grids, RayBatch, prepare_rays,
+};
 use impasto_style::{Features, PatchSampler, Perceptual, Statistics, StyleError};
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -162,14 +164,16 @@ impl PatchPool {
             grids,
             photo_app,
         } = &self.frozen;
-        let samples = self.field.sample(&batch, grids, Some(rng.random()));
-        let geometry = self.field.geometry(weights, samples);
-        let geometry = geometry.contributing(self.least_weight);
-        let photo = geometry.clone().prepared(&photo_app.config);
-        let colours = photo.composite(photo_app);
+        let (geometry, colours) = prepare_rays(
+            (&self.field, weights, grids),
+            photo_app,
+            (&self.app, self.least_weight),
+            &batch,
+            rng.random(),
+        );
         let pixels = host(self.averaged(colours).clamp(0.0, 1.0));
         Ok(FrozenPatch {
-            geometry: geometry.prepared(&self.app).lifted(),
+            geometry: geometry.lifted(),
             features: vgg.features(&pixels, rows, columns)?,
             pixels,
         })

@@ -114,32 +114,39 @@ impl MlpSpec {
 pub(crate) struct Packed<'a> {
     pub(crate) spec: &'a MlpSpec,
     params: &'a [f32],
-    /// One per layer.
-    transposed: Vec<Vec<f32>>,
+    /// One per layer; none for [`FEW`] rows.
+    transposed: Option<Vec<Vec<f32>>>,
 }
 
+/// For no more rows than this, rearranging the weights costs more than it saves.
+const FEW: usize = 4;
+
 impl<'a> Packed<'a> {
-    pub(crate) fn new(spec: &'a MlpSpec, params: &'a [f32]) -> Self {
+    /// Parameters for `rows` rows in all.
+    pub(crate) fn new(spec: &'a MlpSpec, params: &'a [f32], rows: usize) -> Self {
         assert_eq!(params.len(), spec.params(), "parameters of an MLP");
         let mut packed = Self {
             spec,
             params,
-            transposed: Vec::with_capacity(spec.layers.len()),
+            transposed: None,
         };
-        for i in 0..spec.layers.len() {
-            let LayerSpec {
-                inputs, outputs, ..
-            } = spec.layers[i];
-            let (weight, _) = packed.layer(i);
-            let mut transposed = vec![0.0; weight.len()];
-            for (o, row) in weight.chunks_exact(inputs).enumerate() {
-                for (i, w) in row.iter().enumerate() {
-                    transposed[i * outputs + o] = *w;
-                }
-            }
-            packed.transposed.push(transposed);
-        }
+        let layers = 0..spec.layers.len();
+        packed.transposed = (rows > FEW).then(|| layers.map(|i| packed.transpose(i)).collect());
         packed
+    }
+
+    fn transpose(&self, layer: usize) -> Vec<f32> {
+        let LayerSpec {
+            inputs, outputs, ..
+        } = self.spec.layers[layer];
+        let (weight, _) = self.layer(layer);
+        let mut transposed = vec![0.0; weight.len()];
+        for (o, row) in weight.chunks_exact(inputs).enumerate() {
+            for (i, w) in row.iter().enumerate() {
+                transposed[i * outputs + o] = *w;
+            }
+        }
+        transposed
     }
 
     /// Where a layer's parameters lie.
@@ -205,12 +212,21 @@ impl Tape {
                 &before[i - 1][..rows * layer.inputs]
             };
             let out = &mut rest[0][..rows * layer.outputs];
-            let (_, bias) = packed.layer(i);
+            let (weight, bias) = packed.layer(i);
             for row in out.chunks_exact_mut(layer.outputs) {
                 row.copy_from_slice(bias);
             }
-            let input = Left::new(input, rows, layer.inputs);
-            add_product(simd, out, input, &packed.transposed[i], layer.outputs);
+            if let Some(transposed) = &packed.transposed {
+                let input = Left::new(input, rows, layer.inputs);
+                add_product(simd, out, input, &transposed[i], layer.outputs);
+            } else {
+                let rows = out.chunks_exact_mut(layer.outputs);
+                for (out, x) in rows.zip(input.chunks_exact(layer.inputs)) {
+                    for (out, weight) in out.iter_mut().zip(weight.chunks_exact(layer.inputs)) {
+                        *out += lane_sum(weight, x, |w, x| w * x);
+                    }
+                }
+            }
             if layer.layer_norm {
                 normalise(out, layer.outputs, &mut self.inverse_std[i]);
                 self.normalised[i][..out.len()].copy_from_slice(out);
@@ -344,7 +360,7 @@ pub fn forward(spec: &MlpSpec, x: &[f32], params: &[f32]) -> Vec<f32> {
     let (inputs, outputs) = (spec.inputs(), spec.outputs());
     assert_eq!(x.len() % inputs, 0, "rows of an MLP's input");
     let mut out = vec![0.0; x.len() / inputs * outputs];
-    let packed = &Packed::new(spec, params);
+    let packed = &Packed::new(spec, params, x.len() / inputs);
     out.par_chunks_mut(TASK * outputs)
         .zip(x.par_chunks(TASK * inputs))
         .for_each(|(out, x)| Arch::new().dispatch(Forward { packed, x, out }));
@@ -392,7 +408,7 @@ pub fn backward(
     let mut input_pieces: Vec<&mut [f32]> = input_grad.chunks_mut(piece * inputs).collect();
     input_pieces.resize_with(rows.div_ceil(piece), Default::default);
 
-    let packed = &Packed::new(spec, params);
+    let packed = &Packed::new(spec, params, rows);
     let partial: Vec<Vec<f32>> = x
         .par_chunks(piece * inputs)
         .zip(grad.par_chunks(piece * outputs))

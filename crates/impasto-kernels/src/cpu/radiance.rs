@@ -261,10 +261,11 @@ struct PackedVolume<'a> {
 
 impl<'a> PackedVolume<'a> {
     fn new(spec: &'a VolumeSpec, volume: &Volume<&'a [f32]>) -> Self {
+        let rows = volume.encoded.len() / spec.base.inputs();
         Self {
-            base: Packed::new(&spec.base, volume.base),
-            geo: Packed::new(&spec.geo, volume.geo),
-            app: Packed::new(&spec.app, volume.app),
+            base: Packed::new(&spec.base, volume.base, rows),
+            geo: Packed::new(&spec.geo, volume.geo, rows),
+            app: Packed::new(&spec.app, volume.app, rows),
             density: spec.density,
         }
     }
