@@ -23,7 +23,7 @@
 //!
 //! let model = Model::load(&summary.model)?;
 //! let painting = scene::read_rgb("painting.jpg".as_ref())?;
-//! let look = model.look(&model.style_code(&painting)?).ok_or("no style stage yet")?;
+//! let look = model.look(&model.inspiration(&painting)?).ok_or("no style stage yet")?;
 //! let view = model.render(&model.file.scene.photos[0].camera, &[&look]);
 //! view.image(0).save("view.png")?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -36,6 +36,6 @@ pub use impasto_paintings as paintings;
 pub use impasto_scene as scene;
 pub use impasto_style::{StyleCode, StyleError};
 pub use impasto_train::{
-    Budget, Event, Look, Model, ModelPhoto, ModelScene, RenderedView, Stage, Stages, TrainConfig,
-    TrainError, TrainOptions, TrainSummary, read_paintings, train,
+    Budget, Event, Inspiration, Look, Model, ModelPhoto, ModelScene, RenderedView, Stage, Stages,
+    TrainConfig, TrainError, TrainOptions, TrainSummary, read_paintings, train,
 };

@@ -20,7 +20,7 @@ pub struct Timing {
     pub name: String,
     /// Milliseconds, the fastest of several runs.
     pub milliseconds: f64,
-    /// Nanoseconds per row, point or pixel.
+    /// Nanoseconds per row, point, pixel or sample.
     pub nanoseconds_each: f64,
     /// Billions of multiplications and additions a second that the result needs (recomputation
     /// does not count), where those dominate.
@@ -104,15 +104,15 @@ pub fn run() -> Report {
         peak_gflops: peak,
         kernels: Vec::new(),
     };
-    let (perceptual, pixels) = perceptual_stack();
-    report.kernels.push(perceptual);
-    report.kernels.push(pixels);
+    let (both, forward) = perceptual_stack();
+    report.kernels.push(both);
+    report.kernels.push(forward);
     for widths in [&[32, 64, 64, 16][..], &[32, 64, 32], &[47, 64, 64, 3]] {
-        report.kernels.push(small_mlp(widths, true));
+        report.kernels.push(small_mlp(widths));
     }
     report
         .kernels
-        .push(small_mlp(&[128, 128, 128, 128, 128, 3], true));
+        .push(small_mlp(&[128, 128, 128, 128, 128, 3]));
     for (features, log2_entries) in [(2, 15), (4, 15), (4, 16)] {
         report.kernels.extend(grid(features, log2_entries));
     }
@@ -184,13 +184,8 @@ fn perceptual_stack() -> (Timing, Timing) {
     (timed, timing(name("forward"), forward, pixels, Some(flops)))
 }
 
-fn small_mlp(widths: &[usize], relu: bool) -> Timing {
-    let output = if relu {
-        Activation::Relu
-    } else {
-        Activation::Linear
-    };
-    let spec = MlpSpec::relu(widths, false, output);
+fn small_mlp(widths: &[usize]) -> Timing {
+    let spec = MlpSpec::relu(widths, false, Activation::Relu);
     let x = numbers(ROWS * spec.inputs(), 1.0);
     let params = numbers(spec.params(), 0.2);
     let grad = numbers(ROWS * spec.outputs(), 1.0);

@@ -75,8 +75,8 @@ pub fn style_fidelity(
     let mut looks = vec![model.photo_look()];
     let mut targets = Vec::with_capacity(paintings.len());
     for (_, painting) in paintings {
-        let code = model.style_code(painting)?;
-        looks.push(model.look(&code).ok_or(EvalError::Unstyled)?);
+        let inspiration = model.inspiration(painting)?;
+        looks.push(model.look(&inspiration).ok_or(EvalError::Unstyled)?);
         targets.push(whole(&vgg, painting)?);
     }
     let photos = &model.file.scene.photos;

@@ -111,7 +111,8 @@ impl VolumeConfig {
 pub struct SamplingConfig {
     /// Samples a ray, in both volumes together.
     pub samples: usize,
-    /// Share of them that is spread evenly; the others go where the density grids expect light.
+    /// Weight of spreading them evenly, where sending them to the light that the density grids
+    /// expect has weight 1.
     pub explore: f32,
     /// Distance between two looks at the inner density grid, scene units.
     pub inner_step: f32,

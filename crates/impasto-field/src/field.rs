@@ -40,7 +40,8 @@ pub struct Grids {
     pub outer: DensityGrid,
 }
 
-/// Cells that a camera may see; the others stay empty. One flag per cell of each grid.
+/// Cells that a camera may see. The others start empty and are looked at only where training rays
+/// pass. One flag per cell of each grid.
 #[derive(Debug, Clone)]
 pub struct Visible {
     inner: Vec<bool>,
@@ -117,8 +118,8 @@ impl Field {
         grids
     }
 
-    /// Looks at a random place in `shares[0]` of all visible cells and in `shares[1]` of those
-    /// that seem to hold something, and updates the grids.
+    /// Looks at a random place in `shares[0]` of the visible cells that seem empty and in
+    /// `shares[1]` of those that seem to hold something, and updates the grids.
     pub fn update_grids(
         &self,
         grids: &mut Grids,
@@ -171,19 +172,19 @@ impl Field {
                 .collect();
             let (raw, cube): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
             let (raw, cube) = (raw.concat(), cube.concat());
-            if cube.is_empty() {
-                continue;
+            if !cube.is_empty() {
+                let positions = Positions {
+                    raw: &raw,
+                    dimensions: branch.dimensions(),
+                    cube: &cube,
+                };
+                let (_, density) = branch.geometry(weights, &positions);
+                let (points, _) = cube.as_chunks::<3>();
+                for (point, density) in points.iter().zip(crate::render::host(density)) {
+                    grid.observe(*point, density);
+                }
             }
-            let positions = Positions {
-                raw: &raw,
-                dimensions: branch.dimensions(),
-                cube: &cube,
-            };
-            let (_, density) = branch.geometry(weights, &positions);
-            let (points, _) = cube.as_chunks::<3>();
-            for (point, density) in points.iter().zip(crate::render::host(density)) {
-                grid.observe(*point, density);
-            }
+            // Also what training rays observed.
             grid.settle();
         }
     }

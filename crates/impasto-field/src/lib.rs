@@ -4,8 +4,9 @@
 //! - [`encoding`]: hash-grid and frequency encodings behind one type;
 //! - [`branch`]: `base` and `geo` of one volume;
 //! - [`appearance`]: `app`, whose weights are data: learned for photos, predicted for paintings;
-//! - [`sampling`]: density-grid marching to packed samples;
+//! - [`sampling`]: samples where density grids expect light, packed ray by ray;
 //! - `surface`: a ray's samples merged to one per volume, for cheap shading;
+//! - [`loss`]: the geometry stage's loss, in one operation;
 //! - [`render`]: the one ray renderer that training, rendering and evaluation share.
 //!
 //! Styles are unknown here except as "weights of `app`".

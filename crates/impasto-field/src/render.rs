@@ -59,7 +59,7 @@ impl Geometry {
     }
 
     /// Depth along the camera's axis at which half of a ray's light has been gathered.
-    pub fn median_depth(&self) -> Vec<f32> {
+    fn median_depth(&self) -> Vec<f32> {
         let weights = self.weights();
         self.layout
             .rays
@@ -81,7 +81,7 @@ impl Geometry {
 const MOST_DROPPED: f32 = 0.02;
 
 impl Field {
-    /// Marches rays through the grids; see [`march`].
+    /// Samples of rays; see [`march`].
     pub fn sample(&self, rays: &RayBatch, grids: &Grids, seed: Option<u64>) -> Samples {
         march(rays, &self.config.sampling, grids, seed)
     }
@@ -289,6 +289,9 @@ fn chunks(rays: &RayBatch) -> impl IndexedParallelIterator<Item = (usize, RayBat
 /// Geometry of rays, [prepared](Geometry::prepared) for an appearance of configuration `app`
 /// without samples that contribute less than `least`, and the rays' colours in the look of
 /// `photo`, as [`Geometry::composite`] gives them. No gradients.
+///
+/// # Panics
+/// If there are no rays.
 pub fn prepare_rays(
     (field, weights, grids): (&Field, &FieldWeights, &Grids),
     photo: &Appearance,
@@ -319,15 +322,14 @@ fn render_chunk(
     let geometry = field.geometry(weights, field.sample(rays, grids, None));
     let depth = geometry.median_depth();
     let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
-    let samples = needs(Shading::Samples).then(|| geometry.contributing(SHADE_LEAST));
-    let surface = needs(Shading::Surface).then(|| geometry.clone().merged());
+    let samples = geometry.contributing(SHADE_LEAST);
+    let surface = needs(Shading::Surface).then(|| samples.clone().merged());
     let colours = appearances.iter().map(|appearance| {
         let prepared = match appearance.config.shading {
-            Shading::Samples => &samples,
-            Shading::Surface => &surface,
+            Shading::Samples => None,
+            Shading::Surface => surface.as_ref(),
         };
-        let geometry = prepared.as_ref().unwrap_or(&geometry);
-        let pixels = host(geometry.composite(appearance));
+        let pixels = host(prepared.unwrap_or(&samples).composite(appearance));
         let (pixels, _) = pixels.as_chunks::<{ CompositeLayout::outputs(3) }>();
         let colours = pixels.iter().flat_map(|pixel| &pixel[..3]);
         colours.map(|c| c.clamp(0.0, 1.0)).collect()

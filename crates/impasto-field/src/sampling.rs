@@ -10,8 +10,8 @@ use rayon::prelude::*;
 /// The step of the last outer sample, which everything infinitely far belongs to.
 const LAST_STEP: f32 = 1e10;
 /// Most looks at the inner density grid along a ray.
-const MOST_STEPS: f32 = 1e4;
-/// Rays marched by one task.
+const MOST_STEPS: f32 = 2e4;
+/// Rays sampled by one task.
 const CHUNK: usize = 64;
 
 /// Rays in scene units. Directions have camera-space z = 1, so that a ray parameter is the depth
@@ -100,7 +100,7 @@ impl VolumeSamples {
 pub struct Samples {
     /// Inner volume.
     pub inner: VolumeSamples,
-    /// Outer volume; at least one sample, the farthest, per ray.
+    /// Outer volume; as sampled, at least one, the farthest, per ray.
     pub outer: VolumeSamples,
     /// Which sample belongs to which ray, steps and depths.
     pub layout: CompositeLayout,
@@ -296,7 +296,7 @@ impl From<Samples> for Part {
     }
 }
 
-/// What marching needs beside the ray.
+/// What sampling needs beside the ray.
 struct March<'a> {
     config: &'a SamplingConfig,
     grids: &'a Grids,

@@ -174,7 +174,7 @@ fn variants() -> impl Iterator<Item = (Density, usize)> {
 #[test]
 fn equals_its_twin_whatever_the_number_of_rays() {
     for (density, view) in variants() {
-        for rays in [1, 8, 9, 150] {
+        for rays in [1, 8, 9, 150, 1000] {
             let spec = spec(rays, density, view);
             let volumes = inputs(&spec, 30);
             let found = radiance::loss(&spec, &slices(&volumes));
@@ -216,6 +216,54 @@ fn gradients_equal_the_twins_differences() {
             });
             let what = format!("{density:?}, {view} numbers of view, input {i}");
             assert_close(&what, part(&mut grads, i), &wanted, 1e-4);
+        }
+    }
+}
+
+#[test]
+fn gradients_of_many_rays_are_those_of_each() {
+    // Several tiles in each of several pieces.
+    let all = spec(400, Density::Exp, 3);
+    let volumes = inputs(&all, 40);
+    let split = volumes[0].encoded.len() / WIDTH;
+    let found = radiance::loss(&all, &slices(&volumes));
+    for ray in [0, 27, 48, 49, 50, 171, 399] {
+        let span = &all.layout.rays[ray];
+        let rows = [
+            span.inner.clone(),
+            span.outer.start - split..span.outer.end - split,
+        ];
+        let pick = |data: &[f32]| [&data[span.inner.clone()], &data[span.outer.clone()]].concat();
+        let inner = span.inner.len();
+        let one = RadianceSpec {
+            volumes: all.volumes.clone(),
+            layout: CompositeLayout {
+                rays: vec![RaySpan {
+                    inner: 0..inner,
+                    outer: inner..inner + span.outer.len(),
+                }],
+                deltas: pick(&all.layout.deltas),
+                depths: pick(&all.layout.depths),
+                distances: pick(&all.layout.distances),
+            },
+            views: all.views[3 * ray..3 * ray + 3].to_vec(),
+            targets: all.targets[3 * ray..3 * ray + 3].to_vec(),
+            ..all
+        };
+        let mut own = volumes.clone();
+        for (own, rows) in own.iter_mut().zip(&rows) {
+            own.encoded = own.encoded[rows.start * WIDTH..rows.end * WIDTH].to_vec();
+        }
+        let alone = radiance::loss(&one, &slices(&own));
+        let densities = wide(&pick(&found.densities));
+        assert_close("densities", &alone.densities, &densities, 1e-5);
+        for (v, rows) in rows.iter().enumerate() {
+            let among = &found.grads[v].encoded[rows.start * WIDTH..rows.end * WIDTH];
+            let wanted = alone.grads[v].encoded.iter().map(|g| f64::from(*g) / 400.0);
+            let wanted: Vec<f64> = wanted.collect();
+            if wanted.iter().any(|g| *g != 0.0) {
+                assert_close(&format!("ray {ray}, volume {v}"), among, &wanted, 1e-4);
+            }
         }
     }
 }

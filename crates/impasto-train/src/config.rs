@@ -187,9 +187,9 @@ impl TrainConfig {
     }
 }
 
-/// Rays of a patch are marched in one go.
+/// Rays of a patch are painted in one graph.
 const MOST_PATCH_RAYS: usize = 1 << 18;
-/// Largest density grid: 256³ cells are 16 MB of flags.
+/// Largest density grid: 256³ cells are 84 MB.
 const LARGEST_GRID: usize = 256;
 
 impl TrainConfig {
@@ -280,8 +280,8 @@ impl TrainConfig {
             ),
             (
                 "field.sampling.samples",
-                (1..=4096).contains(&sampling.samples),
-                "1 to 4096",
+                (2..=4096).contains(&sampling.samples),
+                "2 to 4096: both volumes need one",
             ),
             ("field.sampling.explore", share(sampling.explore), "0 to 1"),
             (

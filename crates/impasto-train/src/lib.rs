@@ -25,7 +25,7 @@ pub use config::TrainConfig;
 pub use error::TrainError;
 pub use event::{Event, Stage};
 pub use geometry_stage::{GeometryStage, StepReport};
-pub use model::{EMPHASIS, Look, Model, RenderedView};
+pub use model::{EMPHASIS, Inspiration, Look, Model, RenderedView};
 pub use model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 pub use palette::{Palette, Recolouring};
 pub use patches::Frozen;

@@ -2,12 +2,17 @@
 
 use crate::TrainError;
 use crate::model_file::ModelFile;
+use crate::palette::{Palette, Recolouring};
 use crate::rays::CameraRays;
 use crate::styles::whole;
 use burn::tensor::Device;
 use image::RgbImage;
-use impasto_field::{Appearance, Field, render_rays};
-use impasto_scene::Camera;
+use impasto_field::render::host;
+use impasto_field::{
+    Appearance, AppearanceConfig, Field, Geometry, RayBatch, prepare_rays, render_rays,
+};
+use impasto_kernels::CompositeLayout;
+use impasto_scene::{Camera, Split};
 use impasto_style::{Perceptual, StyleCode, StyleError, StyleVae};
 use std::path::Path;
 
@@ -18,6 +23,8 @@ pub struct Model {
     field: Field,
     device: Device,
     encoder: std::sync::OnceLock<Encoder>,
+    /// Rays through the training views, on which looks are measured.
+    sample: std::sync::OnceLock<Option<Geometry>>,
 }
 
 struct Encoder {
@@ -25,9 +32,38 @@ struct Encoder {
     vae: StyleVae,
 }
 
+/// What a look is made from.
+#[derive(Debug, Clone)]
+pub struct Inspiration {
+    /// The painting's style code.
+    pub code: StyleCode,
+    /// The painting's colours.
+    pub palette: Palette,
+}
+
+impl Inspiration {
+    /// Between several paintings: the weighted mean; weights need not sum to one. `None` if their
+    /// sum is not positive.
+    pub fn mix(all: &[(Self, f32)]) -> Option<Self> {
+        let codes: Vec<_> = all.iter().map(|(i, w)| (i.code.clone(), *w)).collect();
+        let code = StyleCode::mix(&codes)?;
+        let mut weighed = all.iter().filter(|(_, weight)| *weight > 0.0);
+        let (first, weight) = weighed.next()?;
+        let (palette, _) = weighed.fold((first.palette, *weight), |(palette, sum), (i, weight)| {
+            let sum = sum + weight;
+            (palette.mixed(&i.palette, weight / sum), sum)
+        });
+        Some(Self { code, palette })
+    }
+}
+
 /// One way to colour the scene.
 #[derive(Debug, Clone)]
-pub struct Look(Appearance);
+pub struct Look {
+    appearance: Appearance,
+    /// Applied to every rendered colour.
+    recolouring: Option<Recolouring>,
+}
 
 /// One rendered view.
 #[derive(Debug, Clone)]
@@ -44,9 +80,15 @@ pub struct RenderedView {
 
 /// How much farther from the average painting a look is made than its code says. A hypernetwork
 /// that is unsure predicts something average, so looks come out tamer than their paintings. Chosen
-/// on paintings of the training set: beyond 1.25 to 1.5 their style gain falls slowly while more of
-/// them can be told apart, up to about 2.
-pub const EMPHASIS: f32 = 1.75;
+/// on paintings of the training set: style gain hardly changes between 1.25 and 2.5, while more of
+/// them can be told apart the larger it is.
+pub const EMPHASIS: f32 = 2.0;
+/// Share of the way that colours are moved to the painting's own mean and contrast. All the way
+/// lowers the style gain: the place has a say in where light and dark are.
+const TRUST: f32 = 0.7;
+/// Training views that a look is measured on, and rays along each side of one.
+const SAMPLED_VIEWS: usize = 16;
+const SAMPLED_SIDE: u32 = 16;
 
 impl Model {
     /// Reads a model folder or file.
@@ -65,6 +107,7 @@ impl Model {
             file,
             device,
             encoder: std::sync::OnceLock::new(),
+            sample: std::sync::OnceLock::new(),
         }
     }
 
@@ -73,11 +116,11 @@ impl Model {
         self.file.style.is_some()
     }
 
-    /// The code of a painting: its middle square, always the same.
+    /// What to make a look of a painting from: its middle square, always the same.
     ///
     /// # Errors
     /// If an asset is damaged.
-    pub fn style_code(&self, painting: &RgbImage) -> Result<StyleCode, StyleError> {
+    pub fn inspiration(&self, painting: &RgbImage) -> Result<Inspiration, StyleError> {
         let encoder = match self.encoder.get() {
             Some(encoder) => encoder,
             None => {
@@ -88,30 +131,63 @@ impl Model {
                 self.encoder.get_or_init(|| made)
             }
         };
-        Ok(encoder.vae.encode(&whole(&encoder.vgg, painting)?))
+        Ok(Inspiration {
+            code: encoder.vae.encode(&whole(&encoder.vgg, painting)?),
+            palette: Palette::of_picture(painting),
+        })
     }
 
-    /// The look that a code gives, [emphasised](EMPHASIS), or `None` if the style stage has not
-    /// run. The hypernetwork runs once, here.
-    pub fn look(&self, code: &StyleCode) -> Option<Look> {
+    /// The look that a painting gives, [emphasised](EMPHASIS), or `None` if the style stage has not
+    /// run. The hypernetwork runs once, here. What its colours lack of the painting's mean and
+    /// contrast over the training views is then made up for by one linear map of all colours, the
+    /// same everywhere, so that views keep agreeing.
+    pub fn look(&self, inspiration: &Inspiration) -> Option<Look> {
         let style = self.file.style.as_ref()?;
-        Some(Look(style.appearance(
-            &self.file.config,
-            &code.scaled(EMPHASIS),
-            &self.device,
-        )))
+        let code = inspiration.code.scaled(EMPHASIS);
+        let appearance = style.appearance(&self.file.config, &code, &self.device);
+        let sample = self.sample.get_or_init(|| self.sample(&appearance.config));
+        let recolouring = sample.as_ref().map(|sample| {
+            let colours = host(sample.composite(&appearance));
+            let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
+            let found = Palette::of(pixels.iter().map(|pixel| &pixel[..3]));
+            found.recolouring(&inspiration.palette).softened(TRUST)
+        });
+        Some(Look {
+            appearance,
+            recolouring,
+        })
+    }
+
+    /// Geometry of a grid of rays through the training views; `None` if there are none.
+    fn sample(&self, config: &AppearanceConfig) -> Option<Geometry> {
+        let photos = &self.file.scene.photos;
+        let cameras: Vec<_> = photos.iter().filter(|p| p.split == Split::Train).collect();
+        let mut rays = RayBatch::default();
+        let step = cameras.len().div_ceil(SAMPLED_VIEWS).max(1);
+        for photo in cameras.into_iter().step_by(step) {
+            let small = photo.camera.resized(SAMPLED_SIDE, SAMPLED_SIDE);
+            let all = CameraRays::new(&small, None).all();
+            rays.origins.extend(all.origins);
+            rays.directions.extend(all.directions);
+        }
+        let parts = (&self.field, &self.file.weights, &self.file.grids);
+        let photo = &self.file.photo_app;
+        (!rays.is_empty()).then(|| prepare_rays(parts, photo, (config, 0.0), &rays, 0).0)
     }
 
     /// The photo's own look.
     pub fn photo_look(&self) -> Look {
-        Look(self.file.photo_app.clone())
+        Look {
+            appearance: self.file.photo_app.clone(),
+            recolouring: None,
+        }
     }
 
     /// Renders a view with every look; geometry is computed once.
     pub fn render(&self, camera: &Camera, looks: &[&Look]) -> RenderedView {
         let rays = CameraRays::new(camera, None);
         let (width, height) = rays.size();
-        let appearances: Vec<&Appearance> = looks.iter().map(|look| &look.0).collect();
+        let appearances: Vec<&Appearance> = looks.iter().map(|look| &look.appearance).collect();
         let rendered = render_rays(
             &self.field,
             &self.file.weights,
@@ -119,10 +195,15 @@ impl Model {
             &appearances,
             &rays.all(),
         );
+        let looked = looks.iter().zip(rendered.colours);
+        let pixels = looked.map(|(look, colours)| match &look.recolouring {
+            Some(recolouring) => recolouring.apply(&colours),
+            None => colours,
+        });
         RenderedView {
             width,
             height,
-            pixels: rendered.colours,
+            pixels: pixels.collect(),
             depth: rendered.depth,
         }
     }

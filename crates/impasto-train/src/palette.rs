@@ -1,6 +1,9 @@
 //! Colours of pictures as mean and covariance, and the linear map between two of them.
 
+use crate::styles::STYLE_SIDE;
 use glam::{DMat3, DVec3};
+use image::RgbImage;
+use impasto_style::{picture, square_crop};
 
 /// Mean and covariance of RGB colours in `[0, 1]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +44,12 @@ impl Palette {
         }
     }
 
+    /// The palette of a painting's middle square.
+    pub fn of_picture(painting: &RgbImage) -> Self {
+        let square = square_crop(painting, 1.0, (0.5, 0.5), STYLE_SIDE);
+        Self::of(picture(&square).chunks_exact(3))
+    }
+
     /// `self` and `other` mixed linearly, `share` of the latter.
     pub fn mixed(&self, other: &Self, share: f32) -> Self {
         let share = f64::from(share);
@@ -70,6 +79,14 @@ impl Palette {
 }
 
 impl Recolouring {
+    /// Moves colours only `share` of the way.
+    pub fn softened(&self, share: f32) -> Self {
+        let share = f64::from(share);
+        let (from, to) = (self.from, self.from.lerp(self.to, share));
+        let matrix = self.matrix * share + DMat3::IDENTITY * (1.0 - share);
+        Self { matrix, from, to }
+    }
+
     /// The mapped colours, clamped to `[0, 1]`.
     pub fn apply(&self, pixels: &[f32]) -> Vec<f32> {
         pixels

@@ -5,7 +5,7 @@ use crate::config::TrainConfig;
 use crate::event::{Event, Stage};
 use crate::geometry_stage::GeometryStage;
 use crate::log::Log;
-use crate::model::Model;
+use crate::model::{Inspiration, Model};
 use crate::model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 use crate::patches::Frozen;
 use crate::rays::photo_rays;
@@ -412,7 +412,10 @@ impl Run<'_> {
         let shown: Vec<_> = styles
             .iter()
             .step_by(styles.len().div_ceil(4).max(1))
-            .map(|s| s.code.clone())
+            .map(|s| Inspiration {
+                code: s.code.clone(),
+                palette: s.palette,
+            })
             .collect();
         let budget = self.stage_budget(Stage::Style);
         let photos = photo_rays(self.scene.train().map(|(_, p)| p));

@@ -1,10 +1,10 @@
 //! Held-out views, rendered and compared with their photos.
 
-use crate::model::{Model, RenderedView};
+use crate::model::{Inspiration, Model, RenderedView};
 use crate::model_file::Quality;
 use image::{RgbImage, imageops};
 use impasto_scene::{Scene, Split, metrics};
-use impasto_style::{StyleCode, picture};
+use impasto_style::picture;
 use std::time::{Duration, Instant};
 
 /// Longest side of a preview's views.
@@ -52,7 +52,7 @@ fn storable(measure: f64) -> f64 {
 }
 
 /// The first held-out view in its own look and in some styles, side by side and small.
-pub fn style_preview(model: &Model, codes: &[StyleCode]) -> Option<RgbImage> {
+pub fn style_preview(model: &Model, inspirations: &[Inspiration]) -> Option<RgbImage> {
     let photos = &model.file.scene.photos;
     let camera = photos
         .iter()
@@ -64,7 +64,7 @@ pub fn style_preview(model: &Model, codes: &[StyleCode]) -> Option<RgbImage> {
     let shrink = |side: u32| ((f64::from(side) * scale.min(1.0)) as u32).max(1);
     let camera = camera.resized(shrink(k.width), shrink(k.height));
     let mut looks = vec![model.photo_look()];
-    looks.extend(codes.iter().filter_map(|code| model.look(code)));
+    looks.extend(inspirations.iter().filter_map(|i| model.look(i)));
     let view = model.render(&camera, &looks.iter().collect::<Vec<_>>());
     Some(beside(
         &(0..looks.len()).map(|i| view.image(i)).collect::<Vec<_>>(),

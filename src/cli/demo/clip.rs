@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use impasto::scene::paths::orbit;
 use impasto::scene::{Camera, Split};
-use impasto::{Model, StyleCode};
+use impasto::{Inspiration, Model};
 
 use super::Style;
 use crate::cli::CliError;
@@ -37,9 +37,10 @@ pub fn film(model: &Model, styles: &[Style], path: &Path) -> Result<PathBuf, Cli
     let mut progress = Frames::new(FRAMES);
     for (frame, camera) in cameras.iter().enumerate() {
         let (from, to, share) = passage(frame as f32 / FRAMES as f32, styles.len());
-        let codes = [(from, 1.0 - share), (to, share)].map(|(i, w)| (styles[i].code.clone(), w));
-        let look = StyleCode::mix(&codes)
-            .and_then(|code| model.look(&code))
+        let both = [(from, 1.0 - share), (to, share)];
+        let both = both.map(|(i, weight)| (styles[i].inspiration.clone(), weight));
+        let look = Inspiration::mix(&both)
+            .and_then(|inspiration| model.look(&inspiration))
             .ok_or(CliError::Unstyled)?;
         film.add(model.render(camera, &[&look]).image(0))?;
         progress.tick();

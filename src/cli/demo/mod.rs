@@ -12,7 +12,7 @@ use image::RgbImage;
 use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use impasto::scene::{Format, LoadOptions, load};
-use impasto::{Look, Model, Stages, StyleCode, TrainConfig, TrainOptions};
+use impasto::{Inspiration, Look, Model, Stages, TrainConfig, TrainOptions};
 use serde_json::json;
 
 use super::train::{BudgetArgs, describe, watched};
@@ -56,7 +56,7 @@ struct Style {
     label: String,
     file: PathBuf,
     picture: RgbImage,
-    code: StyleCode,
+    inspiration: Inspiration,
     look: Look,
 }
 
@@ -135,14 +135,14 @@ fn styles(model: &Model, folder: &Path) -> Result<Vec<Style>, CliError> {
             let painting = paint(&recipe, STYLE_SIDE, STYLE_SIDE);
             let file = folder.join(format!("{}.png", family.name().replace(' ', "-")));
             write_file(&file, |path| picture::save_png(&painting, path))?;
-            let code = model.style_code(&painting)?;
+            let inspiration = model.inspiration(&painting)?;
             Ok(Style {
                 family: family.name(),
                 label: label(&recipe),
                 file,
-                look: model.look(&code).ok_or(CliError::Unstyled)?,
+                look: model.look(&inspiration).ok_or(CliError::Unstyled)?,
                 picture: painting,
-                code,
+                inspiration,
             })
         })
         .collect()

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use image::RgbImage;
 use impasto::scene::{SceneError, read_rgb};
-use impasto::{Model, StyleCode};
+use impasto::{Inspiration, Model};
 
 use super::Variant;
 use crate::cli::CliError;
@@ -56,10 +56,10 @@ impl Styles {
 
     /// The looks that the model gives them.
     pub fn variants(&self, model: &Model) -> Result<Vec<Variant>, CliError> {
-        let variant = |name: &str, code: &StyleCode| -> Result<Variant, CliError> {
+        let variant = |name: &str, inspiration: &Inspiration| -> Result<Variant, CliError> {
             Ok(Variant {
                 name: name.to_owned(),
-                look: model.look(code).ok_or(CliError::Unstyled)?,
+                look: model.look(inspiration).ok_or(CliError::Unstyled)?,
             })
         };
         match self {
@@ -69,14 +69,14 @@ impl Styles {
             }]),
             Self::Each(images) => images
                 .iter()
-                .map(|(name, image)| variant(name, &model.style_code(image)?))
+                .map(|(name, image)| variant(name, &model.inspiration(image)?))
                 .collect(),
             Self::Mix(images) => {
-                let codes = images
+                let inspirations = images
                     .iter()
-                    .map(|(image, weight)| Ok((model.style_code(image)?, *weight)))
+                    .map(|(image, weight)| Ok((model.inspiration(image)?, *weight)))
                     .collect::<Result<Vec<_>, CliError>>()?;
-                let mix = StyleCode::mix(&codes).ok_or_else(Self::weightless)?;
+                let mix = Inspiration::mix(&inspirations).ok_or_else(Self::weightless)?;
                 Ok(vec![variant("mix", &mix)?])
             }
         }

@@ -100,6 +100,8 @@ struct Level {
 struct Cells {
     entries: [[u32; GROUP]; CORNERS],
     weights: [[f32; GROUP]; CORNERS],
+    /// 0 for points that do not count.
+    scale: [f32; GROUP],
 }
 
 impl Level {
@@ -127,6 +129,7 @@ impl Level {
         let mut cells = Cells {
             entries: [[0; GROUP]; CORNERS],
             weights: [[0.0; GROUP]; CORNERS],
+            scale: group.scale,
         };
         for corner in 0..CORNERS {
             let side = |axis: usize| match corner >> axis & 1 {
@@ -176,6 +179,10 @@ impl Cells {
     fn spread<const F: usize>(&self, grads: &[f32], width: usize, entries: &mut [[f32; F]]) {
         let mask = entries.len() - 1;
         for (i, grad) in grads.chunks(width).enumerate() {
+            // Adding zero times what is no number would spoil entries of other points.
+            if self.scale[i] == 0.0 {
+                continue;
+            }
             for corner in 0..CORNERS {
                 let entry = &mut entries[self.entries[corner][i] as usize & mask];
                 for f in 0..F {

@@ -11,3 +11,4 @@ pub mod radiance;
 
 mod math;
 mod product;
+mod winograd;

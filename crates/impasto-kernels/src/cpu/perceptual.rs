@@ -5,6 +5,7 @@
 //! matrix products over overlapping rows of the padded image: no patch matrix is ever built.
 
 use super::product::{Left, add_product_to_columns};
+use super::winograd::{PaddedImage, WinogradFilters};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -132,6 +133,8 @@ struct Filters {
     inputs: usize,
     outputs: usize,
     strips: Vec<f32>,
+    /// The same for images that are not small, where there are channels enough.
+    winograd: Option<WinogradFilters>,
 }
 
 impl Filters {
@@ -146,10 +149,12 @@ impl Filters {
                 }
             }
         }
+        let wide = inputs.min(outputs) >= WINOGRAD_CHANNELS;
         Self {
             inputs,
             outputs,
             strips,
+            winograd: wide.then(|| WinogradFilters::new(inputs, outputs, weight)),
         }
     }
 
@@ -160,6 +165,8 @@ impl Filters {
     }
 }
 
+/// With fewer channels than this, transforming patches costs more than it saves.
+const WINOGRAD_CHANNELS: usize = 32;
 /// Most pixels of one task of a convolution.
 const TASK: usize = 384;
 /// An image of fewer pixels is deep rather than wide: cut by output channels, not by pixels,
@@ -174,6 +181,16 @@ fn convolve(input: &Padded, filters: &Filters, bias: Option<&[f32]>) -> Padded {
     let stride = input.width + 2;
     let first = stride + 1;
     let count = (input.height - 1) * stride + input.width;
+    if let (Some(winograd), true) = (&filters.winograd, count >= DEEP) {
+        let image = PaddedImage {
+            data: &input.data,
+            height: input.height,
+            width: input.width,
+            channels: input.channels,
+        };
+        winograd.convolve(image, bias, &mut out.data);
+        return out;
+    }
     let target = &mut out.data[first * outputs..(first + count) * outputs];
     if count < DEEP && outputs > STRIP {
         convolve_deep(input, filters, bias, (first, count), target);

@@ -107,7 +107,7 @@ pub struct AdamState<B: Backend> {
 /// What a radiance loss depends on, in the order inner, outer volume.
 #[derive(ExtensionType)]
 pub struct RadianceVolumes<B: Backend> {
-    /// Encoded samples, `[n, inputs of base]`.
+    /// Encoded samples, `[n · inputs of base]`.
     pub inner_encoded: FloatTensor<B>,
     /// Parameters of `base`, flat.
     pub inner_base: FloatTensor<B>,
