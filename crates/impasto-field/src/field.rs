@@ -4,7 +4,7 @@ use crate::branch::{Branch, BranchWeights};
 use crate::config::FieldConfig;
 use crate::encoding::Positions;
 use crate::sampling::Samples;
-use crate::sphere::from_outer_cube;
+use crate::sphere::{dot, from_outer_cube};
 use burn::tensor::Device;
 use impasto_kernels::DensityGrid;
 use rand::{RngExt, SeedableRng};
@@ -93,8 +93,11 @@ impl Field {
                     } else {
                         Some([ball[0], ball[1], ball[2], 1.0])
                     };
-                    // Cells cut by a boundary have centres outside of it: kept.
-                    point.is_none_or(&sees)
+                    // Cells cut by a boundary may have centres outside of it: kept. Inner cells
+                    // wholly outside the ball are never sampled.
+                    let reach = 1.0 + 3f32.sqrt() / resolution as f32;
+                    let sampled = outer || dot(ball, ball) <= reach * reach;
+                    sampled && point.is_none_or(&sees)
                 })
                 .collect()
         };
@@ -144,34 +147,7 @@ impl Field {
         ];
         for (grid, visible, branch, weights) in jobs {
             let outer = branch.dimensions() == 4;
-            let dense = DensityGrid::level_of(DENSE * grid.resolution() as f32);
-            let seed: u64 = rng.random();
-            let parts: Vec<(Vec<f32>, Vec<f32>)> = (0..grid.cells().div_ceil(CELLS))
-                .into_par_iter()
-                .map(|part| {
-                    let mut rng = Pcg64::seed_from_u64(seed ^ part as u64);
-                    let (mut raw, mut cube) = (Vec::new(), Vec::new());
-                    for cell in part * CELLS..((part + 1) * CELLS).min(grid.cells()) {
-                        let share = shares[usize::from(grid.levels()[cell] >= dense)];
-                        if !visible[cell] || rng.random::<f32>() >= share {
-                            continue;
-                        }
-                        let position = grid.position(cell, std::array::from_fn(|_| rng.random()));
-                        if outer {
-                            let Some(point) = from_outer_cube(position) else {
-                                continue;
-                            };
-                            raw.extend(point);
-                        } else {
-                            raw.extend(position.map(|c| 2.0 * c - 1.0));
-                        }
-                        cube.extend(position);
-                    }
-                    (raw, cube)
-                })
-                .collect();
-            let (raw, cube): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-            let (raw, cube) = (raw.concat(), cube.concat());
+            let (raw, cube) = places(grid, visible, shares, outer, rng.random());
             if !cube.is_empty() {
                 let positions = Positions {
                     raw: &raw,
@@ -188,6 +164,42 @@ impl Field {
             grid.settle();
         }
     }
+}
+
+/// A random place in some of a grid's cells: coordinates in its volume, and in the unit cube.
+fn places(
+    grid: &DensityGrid,
+    visible: &[bool],
+    shares: [f32; 2],
+    outer: bool,
+    seed: u64,
+) -> (Vec<f32>, Vec<f32>) {
+    let dense = DensityGrid::level_of(DENSE * grid.resolution() as f32);
+    let parts: Vec<(Vec<f32>, Vec<f32>)> = (0..grid.cells().div_ceil(CELLS))
+        .into_par_iter()
+        .map(|part| {
+            let mut rng = Pcg64::seed_from_u64(seed ^ part as u64);
+            let (mut raw, mut cube) = (Vec::new(), Vec::new());
+            for cell in part * CELLS..((part + 1) * CELLS).min(grid.cells()) {
+                let share = shares[usize::from(grid.levels()[cell] >= dense)];
+                if !visible[cell] || rng.random::<f32>() >= share {
+                    continue;
+                }
+                let position = grid.position(cell, std::array::from_fn(|_| rng.random()));
+                if !outer {
+                    raw.extend(position.map(|c| 2.0 * c - 1.0));
+                } else if let Some(point) = from_outer_cube(position) {
+                    raw.extend(point);
+                } else {
+                    continue;
+                }
+                cube.extend(position);
+            }
+            (raw, cube)
+        })
+        .collect();
+    let (raw, cube): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+    (raw.concat(), cube.concat())
 }
 
 impl Grids {

@@ -73,6 +73,12 @@ impl VolumeSamples {
         }
     }
 
+    fn push(&mut self, raw: &[f32], cube: [f32; 3], view: [f32; 3]) {
+        self.raw.extend(raw);
+        self.cube.extend(cube);
+        self.views.extend(view);
+    }
+
     fn append(&mut self, other: &mut Self) {
         self.raw.append(&mut other.raw);
         self.cube.append(&mut other.cube);
@@ -328,15 +334,14 @@ impl March<'_> {
             let t = config.near + (i as f32 + 0.5) * inner_step;
             inner_cube(inner_at(t))
         });
-        let unit = view;
-        let (along, away) = (dot(origin, unit), dot(origin, origin));
+        let (along, away) = (dot(origin, view), dot(origin, origin));
         let steps = config.outer_steps;
         // What `outer_point` does, without its division and without its depth.
         let left = outer.look(steps, left, (&self.grids.outer, &self.tables[1]), |i| {
             let s = 1.0 - (i as f32 + 0.5) * outer_step;
             let sb = s * along;
             let st = (sb * sb + 1.0 - s * s * away).max(0.0).sqrt() - sb;
-            let point = |axis: usize| s * origin[axis] + st * unit[axis];
+            let point = |axis: usize| s * origin[axis] + st * view[axis];
             outer_cube([point(0), point(1), point(2), s])
         });
         if let Some(last) = outer.light.last_mut() {
@@ -351,35 +356,43 @@ impl March<'_> {
         let within = ((config.samples as f32 * share).round() as usize)
             .min(config.samples.saturating_sub(1));
         let within = if count == 0 { 0 } else { within };
+        let Part {
+            inner: inner_samples,
+            outer: outer_samples,
+            inner_steps,
+            outer_steps,
+            counts,
+        } = part;
         inner.cut(within, |start, end| {
             let t = config.near + (start + jitter * (end - start)) * inner_step;
             let point = inner_at(t);
-            part.inner.raw.extend(point);
-            part.inner.cube.extend(inner_cube(point));
-            part.inner.views.extend(view);
-            part.inner_steps[0].push((end - start) * inner_step * length);
-            part.inner_steps[1].push(t);
-            part.inner_steps[2].push(contracted_distance(t * length));
+            inner_samples.push(&point, inner_cube(point), view);
+            let delta = (end - start) * inner_step * length;
+            push_step(inner_steps, delta, t, length);
         });
         let beyond = config.samples.max(1) - within;
         let mut left = beyond;
         outer.cut(beyond, |start, end| {
             left -= 1;
             let (point, depth) = outer_at(start + jitter * (end - start));
-            part.outer.raw.extend(point);
-            part.outer.cube.extend(outer_cube(point));
-            part.outer.views.extend(view);
-            let delta = if left == 0 {
+            outer_samples.push(&point, outer_cube(point), view);
+            let last = left == 0;
+            let delta = if last {
                 LAST_STEP
             } else {
                 (end - start) * outer_step
             };
-            part.outer_steps[0].push(delta);
-            part.outer_steps[1].push(depth);
-            part.outer_steps[2].push(contracted_distance(depth * length));
+            push_step(outer_steps, delta, depth, length);
         });
-        part.counts.push([within, beyond]);
+        counts.push([within, beyond]);
     }
+}
+
+/// Adds a sample's step, depth and contracted distance.
+fn push_step(steps: &mut [Vec<f32>; 3], delta: f32, depth: f32, length: f32) {
+    steps[0].push(delta);
+    steps[1].push(depth);
+    steps[2].push(contracted_distance(depth * length));
 }
 
 /// Places every ray's samples where the density grids expect its light: each sample stands for an

@@ -2,10 +2,11 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use burn::tensor::Device;
+use impasto_field::loss::Wanted;
 use impasto_field::sphere::{self, from_outer_cube, outer_cube, outer_point};
 use impasto_field::{
     Appearance, AppearanceConfig, DensityActivation, EncodingConfig, Field, FieldConfig, RayBatch,
-    SamplingConfig, Shading, VolumeConfig, render::host, render_rays, sampling,
+    SamplingConfig, Shading, VolumeConfig, prepare_rays, render::host, render_rays, sampling,
 };
 use impasto_kernels::DensityGrid;
 use rand::SeedableRng;
@@ -240,6 +241,124 @@ fn merged_samples_let_the_same_light_through_from_the_same_depth() {
         let same = again.iter().zip(&once).all(|(a, b)| (a - b).abs() < 1e-3);
         assert!(same, "merging twice changes nothing");
     }
+}
+
+/// Rays of several groups.
+fn many_rays() -> RayBatch {
+    let mut rays = RayBatch::default();
+    for i in 0..300 {
+        let at = |k: f32| (i as f32 * k).sin();
+        rays.push(
+            [0.3 * at(0.7), 0.3 * at(1.3), -0.4],
+            [0.4 * at(2.1), 0.4 * at(0.9), 1.0],
+        );
+    }
+    rays
+}
+
+#[test]
+fn groups_of_rays_are_rays_one_by_one() {
+    let device = Device::flex();
+    let field = Field::new(config(&hash_grid()));
+    let mut rng = Pcg64::seed_from_u64(9);
+    let weights = field.init(&mut rng, &device);
+    let grids = field.grids(1.0, None);
+    let photo = Appearance::init(
+        AppearanceConfig {
+            canvas: None,
+            ..app()
+        },
+        field.features(),
+        &mut rng,
+        &device,
+    );
+    let all = many_rays();
+    let rendered = render_rays(&field, &weights, &grids, &[&photo], &all);
+    for ray in [0, 127, 128, 299] {
+        let mut one = RayBatch::default();
+        one.push(all.origins[ray], all.directions[ray]);
+        let alone = render_rays(&field, &weights, &grids, &[&photo], &one);
+        assert!((alone.depth[0] - rendered.depth[ray]).abs() < 1e-4);
+        for (a, b) in alone.colours[0].iter().zip(&rendered.colours[0][3 * ray..]) {
+            assert!((a - b).abs() < 1e-5, "ray {ray}");
+        }
+    }
+    let parts = (&field, &weights, &grids);
+    let (geometry, colours) = prepare_rays(parts, &photo, (&photo.config, 1e-3), &all, 7);
+    let (joined, apart) = (host(geometry.composite(&photo)), host(colours));
+    assert_eq!(joined.len(), 300 * 6);
+    let same = joined
+        .iter()
+        .zip(&apart)
+        .all(|(a, b)| (a - b).abs() < 1e-5 * a.abs().max(1.0));
+    assert!(same, "joined groups composite like themselves");
+}
+
+#[test]
+fn the_loss_is_that_of_the_composite() {
+    let device = Device::flex();
+    for (bands, density) in [
+        (Some(2), DensityActivation::Exp),
+        (None, DensityActivation::Abs),
+    ] {
+        let mut sizes = config(&hash_grid());
+        (sizes.inner.density, sizes.outer.density) = (density, density);
+        let field = Field::new(sizes);
+        let mut rng = Pcg64::seed_from_u64(4);
+        let weights = field.init(&mut rng, &device);
+        let settings = AppearanceConfig {
+            canvas: None,
+            view_bands: bands,
+            ..app()
+        };
+        let photo = Appearance::init(settings, field.features(), &mut rng, &device);
+        let samples = field.sample(&many_rays(), &field.grids(1.0, None), Some(1));
+        let wanted = Wanted {
+            colours: vec![0.3; 900],
+            depth: 0.2,
+            distortion: 0.1,
+        };
+        let found = host(field.loss(&weights, &photo, &samples, wanted));
+        let geometry = field.geometry(&weights, samples);
+        let out = host(geometry.composite(&photo));
+        let mean = |of: fn(&[f32]) -> f32| out.chunks_exact(6).map(of).sum::<f32>() / 300.0;
+        let error = mean(|o| o[..3].iter().map(|c| (c - 0.3).powi(2)).sum::<f32>() / 3.0);
+        let loss = error + 0.2 * mean(|o| o[4]) + 0.1 * mean(|o| o[5]);
+        assert!(
+            (found[1] / error - 1.0).abs() < 1e-4,
+            "{} {error}",
+            found[1]
+        );
+        assert!((found[0] / loss - 1.0).abs() < 1e-4, "{} {loss}", found[0]);
+        let densities = host(geometry.densities());
+        let same = densities
+            .iter()
+            .zip(&found[2..])
+            .all(|(a, b)| (a - b).abs() < 1e-5 * a.max(1.0));
+        assert!(same && densities.len() + 2 == found.len());
+    }
+}
+
+#[test]
+fn samples_do_not_depend_on_threads() {
+    let device = Device::flex();
+    let field = Field::new(config(&hash_grid()));
+    let weights = field.init(&mut Pcg64::seed_from_u64(4), &device);
+    let visible = field.visible(|_| true);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let mut grids = field.grids(1.0, None);
+            let mut rng = Pcg64::seed_from_u64(1);
+            field.update_grids(&mut grids, &weights, &visible, [0.5, 0.5], &mut rng);
+            let levels = [grids.inner.levels(), grids.outer.levels()].concat();
+            (
+                field.sample(&many_rays(), &grids, Some(3)).inner.raw,
+                levels,
+            )
+        })
+    };
+    assert!(on(1) == on(2) && on(1) == on(3));
 }
 
 #[test]

@@ -181,6 +181,42 @@ fn equals_its_twin() {
     }
 }
 
+/// Enough channels for several strips and for the filtering of large images, a last strip that is
+/// not full, and a small image behind the pool.
+fn wide_stack(seed: u64) -> Vec<Conv> {
+    random_stack(seed, &[40, 70, 130, 36], &[3], &[1, 3])
+}
+
+#[test]
+fn many_channels_equal_the_twin_forward_and_backward() {
+    let layers = wide_stack(21);
+    let stack = stack(&layers);
+    let (height, width) = (17, 20);
+    let image = numbers(22, height * width * 3, 0.0..1.0);
+    let (out, tape) = stack.forward(&image, height, width);
+    let (expected, _) = twin(&layers, &wide(&image), height, width);
+    assert_close("features", &out, &expected, 1e-5);
+    let grad = numbers(23, out.len(), -1.0..1.0);
+    let found = stack.backward(&tape, &grad);
+    let loss = |image: &[f64]| dot64(&twin(&layers, image, height, width).0, &grad);
+    // The twin is too slow for every pixel.
+    for at in [0, 61, 500, 733, image.len() - 1] {
+        let moved = |by: f64| {
+            let mut image = wide(&image);
+            image[at] += by;
+            loss(&image)
+        };
+        let wanted = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+        let error = (f64::from(found[at]) - wanted).abs();
+        let size = found.iter().map(|g| g.abs()).fold(0.0, f32::max);
+        assert!(
+            error < 1e-3 * f64::from(size),
+            "pixel {at}: {} {wanted}",
+            found[at]
+        );
+    }
+}
+
 #[test]
 fn gradient_equals_the_twins_differences() {
     let layers = small_vgg(3);
@@ -306,14 +342,16 @@ fn a_poisoned_pixel_shows_and_stays_in_its_neighbourhood() {
 
 #[test]
 fn does_not_depend_on_threads() {
-    let stack = stack(&small_vgg(12));
-    let (height, width) = (67, 81);
-    let image = numbers(13, height * width * 3, 0.0..1.0);
-    assert_deterministic("features and gradient", || {
-        let (out, tape) = stack.forward(&image, height, width);
-        let grad = stack.backward(&tape, &numbers(14, out.len(), -1.0..1.0));
-        [out, grad].concat()
-    });
+    for layers in [small_vgg(12), wide_stack(12)] {
+        let stack = stack(&layers);
+        let (height, width) = (67, 81);
+        let image = numbers(13, height * width * 3, 0.0..1.0);
+        assert_deterministic("features and gradient", || {
+            let (out, tape) = stack.forward(&image, height, width);
+            let grad = stack.backward(&tape, &numbers(14, out.len(), -1.0..1.0));
+            [out, grad].concat()
+        });
+    }
 }
 
 #[test]

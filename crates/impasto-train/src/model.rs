@@ -208,3 +208,25 @@ impl Model {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mixed_inspirations_lie_between_by_weight() {
+        let one = |number: f32| Inspiration {
+            code: StyleCode(vec![number; StyleCode::LEN]),
+            palette: Palette::of([number; 6].chunks_exact(3)),
+        };
+        let weighed = [(one(0.0), 1.0), (one(0.4), 2.0), (one(0.8), 1.0)];
+        let mix = Inspiration::mix(&weighed).map(|mix| (mix.code.0[3], mix.palette));
+        let wanted = Palette::of([0.4f32; 6].chunks_exact(3));
+        assert!(mix.is_some_and(|(code, palette)| {
+            let pixels = palette.recolouring(&wanted).apply(&[0.4, 0.4, 0.4]);
+            (code - 0.4).abs() < 1e-6 && pixels.iter().all(|p| (p - 0.4).abs() < 1e-5)
+        }));
+        assert!(Inspiration::mix(&[(one(0.1), 0.0)]).is_none());
+        assert!(Inspiration::mix(&[]).is_none());
+    }
+}

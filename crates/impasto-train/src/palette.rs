@@ -137,6 +137,25 @@ mod tests {
     }
 
     #[test]
+    fn a_softened_map_goes_part_of_the_way() {
+        let palette = |seed| Palette::of(colours(seed, [0.2; 3]).chunks_exact(3));
+        let map = palette(1).recolouring(&Palette {
+            mean: DVec3::splat(0.6),
+            ..palette(2)
+        });
+        let pixels = [0.4, 0.5, 0.45];
+        let (all, half, none) = (
+            map.apply(&pixels),
+            map.softened(0.5).apply(&pixels),
+            map.softened(0.0).apply(&pixels),
+        );
+        for c in 0..3 {
+            assert!((none[c] - pixels[c]).abs() < 1e-6);
+            assert!((half[c] - 0.5 * (pixels[c] + all[c])).abs() < 1e-6);
+        }
+    }
+
+    #[test]
     fn one_colour_and_no_pixel_give_finite_maps() {
         let grey = Palette::of([0.5f32; 30].chunks_exact(3));
         let none = Palette::of(std::iter::empty());

@@ -280,6 +280,30 @@ mod tests {
     }
 
     #[test]
+    fn many_points_at_once_are_many_points() {
+        let levels = (0..=255).cycle().take(9 * 9 * 9).collect();
+        let Some(grid) = DensityGrid::from_levels(levels) else {
+            unreachable!("729 is a cube");
+        };
+        let mut levels = Vec::new();
+        for count in [0, 1, 63, 64, 65, 200] {
+            let axis = |a: usize| -> Vec<f32> {
+                (0..count)
+                    .map(|i| (i as f32 * 0.37 + a as f32 * 0.21).fract())
+                    .collect()
+            };
+            let points = [axis(0), axis(1), axis(2)];
+            grid.levels_at(&points, &mut levels);
+            let wanted = (0..count).map(|i| grid.level([0, 1, 2].map(|a| points[a][i])));
+            assert!(levels.iter().copied().eq(wanted), "{count} points");
+        }
+        let outside = [-3.0, 1.0, f32::INFINITY, f32::NAN].to_vec();
+        grid.levels_at(&[outside, vec![0.5; 4], vec![0.5; 4]], &mut levels);
+        let edge = |x: f32| grid.level([x, 0.5, 0.5]);
+        assert_eq!(levels[..3], [edge(0.0), edge(0.999), edge(0.999)]);
+    }
+
+    #[test]
     fn poisoned_points() {
         let mut grid = DensityGrid::new(2, 1.0);
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.1, 1.0] {

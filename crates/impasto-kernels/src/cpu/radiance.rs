@@ -134,47 +134,25 @@ pub fn loss(spec: &RadianceSpec, volumes: &[Volume<&[f32]>; 2]) -> Radiance {
     let counts = check(spec, volumes);
     let [inner, outer] = [0, 1].map(|v| PackedVolume::new(&spec.volumes[v], &volumes[v]));
     let packed = [&inner, &outer];
-    let mut encoded = counts.map(|n| vec![0.0; n]);
-    for (grad, volume) in encoded.iter_mut().zip(&packed) {
-        grad.resize(grad.len() * volume.base.spec.inputs(), 0.0);
-    }
+    let mut encoded = [0, 1].map(|v| vec![0.0; counts[v] * packed[v].base.spec.inputs()]);
     let mut densities = counts.map(|n| vec![0.0; n]);
-
     let per_piece = rays.len().div_ceil(PIECES).max(1);
-    let mut pieces = Vec::new();
-    {
-        let mut left = [0, 1].map(|_| (&mut [] as &mut [f32], &mut [] as &mut [f32]));
-        for (left, (e, d)) in left.iter_mut().zip(encoded.iter_mut().zip(&mut densities)) {
-            *left = (e, d);
-        }
-        for rays in rays.chunks(per_piece) {
-            let ranges = ranges(rays);
-            let mut own = [0, 1].map(|_| (&mut [] as &mut [f32], &mut [] as &mut [f32]));
-            for v in 0..2 {
-                let (e, d) = std::mem::take(&mut left[v]);
-                let n = ranges[v].len();
-                let (own_e, rest_e) = e.split_at_mut(n * packed[v].base.spec.inputs());
-                let (own_d, rest_d) = d.split_at_mut(n);
-                own[v] = (own_e, own_d);
-                left[v] = (rest_e, rest_d);
-            }
-            pieces.push((rays, own));
-        }
-    }
-    let parts: Vec<PieceSums> = pieces
-        .into_par_iter()
-        .enumerate()
-        .map(|(i, (rays, out))| {
-            Arch::new().dispatch(Piece {
-                spec,
-                packed,
-                volumes,
-                first_ray: i * per_piece,
-                rays,
-                out,
+    let widths = packed.map(|p| p.base.spec.inputs());
+    let parts: Vec<PieceSums> =
+        outputs(rays.chunks(per_piece), widths, &mut encoded, &mut densities)
+            .into_par_iter()
+            .enumerate()
+            .map(|(i, (rays, out))| {
+                Arch::new().dispatch(Piece {
+                    spec,
+                    packed,
+                    volumes,
+                    first_ray: i * per_piece,
+                    rays,
+                    out,
+                })
             })
-        })
-        .collect();
+            .collect();
 
     let mut total = PieceSums::new(spec);
     parts.into_iter().for_each(|part| total.add(part));
@@ -200,6 +178,33 @@ pub fn loss(spec: &RadianceSpec, volumes: &[Volume<&[f32]>; 2]) -> Radiance {
             },
         ],
     }
+}
+
+/// Where the gradients of a piece's encodings and its densities go, of both volumes.
+type Outputs<'a> = [(&'a mut [f32], &'a mut [f32]); 2];
+
+/// Cuts what is written per sample into what belongs to each piece of rays.
+fn outputs<'a>(
+    pieces: impl Iterator<Item = &'a [RaySpan]>,
+    widths: [usize; 2],
+    encoded: &'a mut [Vec<f32>; 2],
+    densities: &'a mut [Vec<f32>; 2],
+) -> Vec<(&'a [RaySpan], Outputs<'a>)> {
+    let ([inner_e, outer_e], [inner_d, outer_d]) = (encoded, densities);
+    let mut left: Outputs<'a> = [(inner_e, inner_d), (outer_e, outer_d)];
+    let pieces = pieces.map(|rays| {
+        let ranges = ranges(rays);
+        let own = [0, 1].map(|v| {
+            let (encoded, densities) = std::mem::take(&mut left[v]);
+            let count = ranges[v].len();
+            let (own_e, rest_e) = encoded.split_at_mut(count * widths[v]);
+            let (own_d, rest_d) = densities.split_at_mut(count);
+            left[v] = (rest_e, rest_d);
+            (own_e, own_d)
+        });
+        (rays, own)
+    });
+    pieces.collect()
 }
 
 /// Inner and outer samples of neighbouring rays.
@@ -319,7 +324,7 @@ struct Piece<'a> {
     volumes: &'a [Volume<&'a [f32]>; 2],
     first_ray: usize,
     rays: &'a [RaySpan],
-    out: [(&'a mut [f32], &'a mut [f32]); 2],
+    out: Outputs<'a>,
 }
 
 impl WithSimd for Piece<'_> {
