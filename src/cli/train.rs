@@ -68,7 +68,7 @@ enum Preset {
 /// How long to train.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct BudgetArgs {
-    /// Time for training, e.g. 90s, 10m or 1h30m [default: 10m]
+    /// Time for training, e.g. 90s, 10m or 1h30m [default: 10m; 3m for the demo]
     #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "steps")]
     budget: Option<Duration>,
     /// Number of steps of training, instead of a time
@@ -77,13 +77,14 @@ pub struct BudgetArgs {
 }
 
 impl BudgetArgs {
-    const DEFAULT: Duration = Duration::from_secs(600);
+    /// Training time where nothing else is asked for.
+    pub const DEFAULT: Duration = Duration::from_secs(600);
 
-    /// The budget that was asked for.
-    pub fn get(self) -> Budget {
+    /// The budget that was asked for, or `default`.
+    pub fn get_or(self, default: Duration) -> Budget {
         match self.steps {
             Some(steps) => Budget::Steps(steps),
-            None => Budget::Time(self.budget.unwrap_or(Self::DEFAULT)),
+            None => Budget::Time(self.budget.unwrap_or(default)),
         }
     }
 }
@@ -107,7 +108,7 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
             StageArg::Style => Stages::Style,
         },
         config: settings::configure(&preset, args.config.as_deref(), &args.set)?,
-        budget: args.budget.get(),
+        budget: args.budget.get_or(BudgetArgs::DEFAULT),
         downscale: args.downscale,
         format: args.format,
         seed: args.seed,

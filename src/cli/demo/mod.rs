@@ -5,6 +5,7 @@ mod sheet;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use std::time::Instant;
 
 use clap::Args;
@@ -33,6 +34,9 @@ const STYLES: [(Family, &str); 5] = [
 ];
 /// Side of a style image in pixels.
 const STYLE_SIDE: u32 = 256;
+
+/// With rendering, four minutes on two cores.
+const TRAINING: Duration = Duration::from_secs(180);
 
 /// Make photos, train, and repaint: everything on a built-in synthetic scene, without downloads
 #[derive(Debug, Args)]
@@ -78,7 +82,7 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
         styles: None,
         stages: Stages::All,
         config: TrainConfig::fast(),
-        budget: args.budget.get(),
+        budget: args.budget.get_or(TRAINING),
         downscale: 1,
         format: Some(Format::Transforms),
         seed: args.seed,
