@@ -47,7 +47,7 @@ impl Field {
                 self.inner.volume_spec(&app.config),
                 self.outer.volume_spec(&app.config),
             ],
-            layout: samples.layout.clone(),
+            layout: Arc::clone(&samples.layout),
             views: views.unwrap_or_default(),
             targets: wanted.colours,
             depth: wanted.depth,

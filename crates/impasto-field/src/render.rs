@@ -20,7 +20,6 @@ pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 #[derive(Debug, Clone)]
 pub struct Geometry {
     pub(crate) samples: Samples,
-    pub(crate) layout: Arc<CompositeLayout>,
     /// Features of each volume, absent when no ray has a sample there.
     pub(crate) inner: Option<Tensor<2>>,
     pub(crate) outer: Option<Tensor<2>>,
@@ -35,7 +34,7 @@ impl Geometry {
 
     /// The fixed part of the composite.
     pub fn layout(&self) -> &CompositeLayout {
-        &self.layout
+        &self.samples.layout
     }
 
     /// The same as constants of an autodiff graph, for training `app` on frozen geometry.
@@ -55,13 +54,13 @@ impl Geometry {
 
     /// Contribution of each sample to its ray.
     pub fn weights(&self) -> Vec<f32> {
-        composite::weights(&self.layout, &host(self.density.clone()))
+        composite::weights(&self.samples.layout, &host(self.density.clone()))
     }
 
     /// Depth along the camera's axis at which half of a ray's light has been gathered.
-    fn median_depth(&self) -> Vec<f32> {
-        let weights = self.weights();
-        self.layout
+    fn median_depth(&self, weights: &[f32]) -> Vec<f32> {
+        self.samples
+            .layout
             .rays
             .iter()
             .map(|span| {
@@ -71,7 +70,7 @@ impl Geometry {
                     sum += weights[*i];
                     sum >= 0.5
                 });
-                crossing.map_or(f32::INFINITY, |i| self.layout.depths[i])
+                crossing.map_or(f32::INFINITY, |i| self.samples.layout.depths[i])
             })
             .collect()
     }
@@ -100,7 +99,6 @@ impl Field {
             (Some(features), Tensor::cat(vec![density, outer_density], 0))
         };
         Geometry {
-            layout: Arc::new(samples.layout.clone()),
             samples,
             inner,
             outer: Some(outer),
@@ -140,7 +138,6 @@ impl Geometry {
         let joined = |all: Vec<Tensor<2>>| (!all.is_empty()).then(|| Tensor::cat(all, 0));
         let samples = Samples::joined(samples);
         Self {
-            layout: Arc::new(samples.layout.clone()),
             samples,
             inner: joined(inner),
             outer: joined(outer),
@@ -152,9 +149,12 @@ impl Geometry {
     /// each ray. Of a ray whose smaller samples add up to more than 2 % of the light, as haze
     /// does, all those that contribute a tenth of `least` are kept. No gradients.
     pub fn contributing(&self, least: f32) -> Self {
-        let weights = self.weights();
+        self.kept(&self.weights(), least)
+    }
+
+    fn kept(&self, weights: &[f32], least: f32) -> Self {
         let mut keep: Vec<bool> = weights.iter().map(|w| *w >= least).collect();
-        for span in &self.layout.rays {
+        for span in &self.samples.layout.rays {
             let all = || span.inner.clone().chain(span.outer.clone());
             let small = all().map(|i| weights[i]).filter(|w| *w < least);
             if small.sum::<f32>() > MOST_DROPPED {
@@ -183,7 +183,6 @@ impl Geometry {
             inner: kept_of(&self.inner, &keep[..split]),
             outer: kept_of(&self.outer, &keep[split..]),
             density: Tensor::from_data(density.as_slice(), &device),
-            layout: Arc::new(samples.layout.clone()),
             samples,
         }
     }
@@ -226,7 +225,11 @@ impl Geometry {
             1 => colours.remove(0),
             _ => Tensor::cat(colours, 0),
         };
-        ops::composite(self.density.clone(), colours, Arc::clone(&self.layout))
+        ops::composite(
+            self.density.clone(),
+            colours,
+            Arc::clone(&self.samples.layout),
+        )
     }
 }
 
@@ -320,9 +323,10 @@ fn render_chunk(
     rays: &RayBatch,
 ) -> RenderedRays {
     let geometry = field.geometry(weights, field.sample(rays, grids, None));
-    let depth = geometry.median_depth();
+    let light = geometry.weights();
+    let depth = geometry.median_depth(&light);
     let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
-    let samples = geometry.contributing(SHADE_LEAST);
+    let samples = geometry.kept(&light, SHADE_LEAST);
     let surface = needs(Shading::Surface).then(|| samples.clone().merged());
     let colours = appearances.iter().map(|appearance| {
         let prepared = match appearance.config.shading {

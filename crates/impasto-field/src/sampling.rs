@@ -6,6 +6,7 @@ use crate::field::Grids;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
 use impasto_kernels::{CompositeLayout, DensityGrid, RaySpan};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The step of the last outer sample, which everything infinitely far belongs to.
 const LAST_STEP: f32 = 1e10;
@@ -109,7 +110,7 @@ pub struct Samples {
     /// Outer volume; as sampled, at least one, the farthest, per ray.
     pub outer: VolumeSamples,
     /// Which sample belongs to which ray, steps and depths.
-    pub layout: CompositeLayout,
+    pub layout: Arc<CompositeLayout>,
 }
 
 impl Samples {
@@ -151,7 +152,7 @@ impl Samples {
         Self {
             inner: self.inner.kept(3, &inner),
             outer: self.outer.kept(4, &outer),
-            layout: CompositeLayout {
+            layout: Arc::new(CompositeLayout {
                 rays: self
                     .layout
                     .rays
@@ -164,7 +165,7 @@ impl Samples {
                 deltas: pick(&self.layout.deltas),
                 depths: pick(&self.layout.depths),
                 distances: pick(&self.layout.distances),
-            },
+            }),
         }
     }
 }
@@ -288,7 +289,7 @@ struct Part {
 impl From<Samples> for Part {
     fn from(samples: Samples) -> Self {
         let split = samples.inner.len();
-        let layout = samples.layout;
+        let layout = Arc::unwrap_or_clone(samples.layout);
         let mut inner_steps = [layout.deltas, layout.depths, layout.distances];
         let outer_steps = inner_steps.each_mut().map(|all| all.split_off(split));
         let counts = layout.rays.iter();
@@ -310,35 +311,69 @@ struct March<'a> {
     tables: [Table; 2],
 }
 
-impl March<'_> {
-    fn ray(
-        &self,
-        (origin, direction): ([f32; 3], [f32; 3]),
-        jitter: f32,
-        guides: &mut [Guide; 2],
-        part: &mut Part,
-    ) {
-        let config = self.config;
-        let length = dot(direction, direction).sqrt();
-        let view = direction.map(|c| c / length);
-        let inner_at = |t: f32| [0, 1, 2].map(|a| origin[a] + t * direction[a]);
-        let outer_step = 1.0 / config.outer_steps as f32;
-        let outer_at = |at: f32| outer_point(origin, direction, 1.0 - at * outer_step);
+/// A ray in the units that steps are measured in.
+struct Ray {
+    origin: [f32; 3],
+    direction: [f32; 3],
+    /// Length of `direction`.
+    length: f32,
+    /// Steps in the unit ball, and the ray parameter of one.
+    steps: usize,
+    step: f32,
+}
 
+impl Ray {
+    fn new(origin: [f32; 3], direction: [f32; 3], config: &SamplingConfig) -> Self {
+        let length = dot(direction, direction).sqrt();
         let far = exit(origin, direction).unwrap_or(0.0);
-        let inner_range = ((far - config.near) * length).max(0.0);
-        let count = (inner_range / config.inner_step).ceil().min(MOST_STEPS) as usize;
-        let inner_step = inner_range / count.max(1) as f32 / length;
-        let [inner, outer] = guides;
-        let left = inner.look(count, 1.0, (&self.grids.inner, &self.tables[0]), |i| {
-            let t = config.near + (i as f32 + 0.5) * inner_step;
-            inner_cube(inner_at(t))
+        let range = ((far - config.near) * length).max(0.0);
+        let steps = (range / config.inner_step).ceil().min(MOST_STEPS) as usize;
+        Self {
+            origin,
+            direction,
+            length,
+            steps,
+            step: range / steps.max(1) as f32 / length,
+        }
+    }
+
+    fn at(&self, t: f32) -> [f32; 3] {
+        [0, 1, 2].map(|axis| self.origin[axis] + t * self.direction[axis])
+    }
+
+    fn view(&self) -> [f32; 3] {
+        self.direction.map(|c| c / self.length)
+    }
+}
+
+impl March<'_> {
+    fn ray(&self, ray: &Ray, jitter: f32, guides: &mut [Guide; 2], part: &mut Part) {
+        self.look(ray, guides);
+        let explore = 0.5 * self.config.explore;
+        // Even shares by volume: both have their places that no grid knows of.
+        let masses = guides.each_mut().map(|guide| guide.sum(explore));
+        let share = masses[0] / (masses[0] + masses[1]).max(1e-20);
+        let most = match ray.steps {
+            0 => 0,
+            _ => self.config.samples.saturating_sub(1),
+        };
+        let within = ((self.config.samples as f32 * share).round() as usize).min(most);
+        let counts = [within, self.config.samples.max(1) - within];
+        self.place(ray, jitter, guides, counts, part);
+    }
+
+    /// Asks both grids what light to expect along the ray.
+    fn look(&self, ray: &Ray, [inner, outer]: &mut [Guide; 2]) {
+        let left = inner.look(ray.steps, 1.0, (&self.grids.inner, &self.tables[0]), |i| {
+            inner_cube(ray.at(self.config.near + (i as f32 + 0.5) * ray.step))
         });
+        let (origin, view) = (ray.origin, ray.view());
         let (along, away) = (dot(origin, view), dot(origin, origin));
-        let steps = config.outer_steps;
+        let steps = self.config.outer_steps;
+        let step = 1.0 / steps as f32;
         // What `outer_point` does, without its division and without its depth.
         let left = outer.look(steps, left, (&self.grids.outer, &self.tables[1]), |i| {
-            let s = 1.0 - (i as f32 + 0.5) * outer_step;
+            let s = 1.0 - (i as f32 + 0.5) * step;
             let sb = s * along;
             let st = (sb * sb + 1.0 - s * s * away).max(0.0).sqrt() - sb;
             let point = |axis: usize| s * origin[axis] + st * view[axis];
@@ -347,44 +382,39 @@ impl March<'_> {
         if let Some(last) = outer.light.last_mut() {
             *last += left;
         }
-        // Even shares by volume: both have their places that no grid knows of.
-        let masses = [
-            inner.sum(0.5 * config.explore),
-            outer.sum(0.5 * config.explore),
-        ];
-        let share = masses[0] / (masses[0] + masses[1]).max(1e-20);
-        let within = ((config.samples as f32 * share).round() as usize)
-            .min(config.samples.saturating_sub(1));
-        let within = if count == 0 { 0 } else { within };
-        let Part {
-            inner: inner_samples,
-            outer: outer_samples,
-            inner_steps,
-            outer_steps,
-            counts,
-        } = part;
-        inner.cut(within, |start, end| {
-            let t = config.near + (start + jitter * (end - start)) * inner_step;
-            let point = inner_at(t);
-            inner_samples.push(&point, inner_cube(point), view);
-            let delta = (end - start) * inner_step * length;
-            push_step(inner_steps, delta, t, length);
+    }
+
+    /// Adds `counts` samples of both volumes where the guides say.
+    fn place(
+        &self,
+        ray: &Ray,
+        jitter: f32,
+        [inner, outer]: &[Guide; 2],
+        counts: [usize; 2],
+        part: &mut Part,
+    ) {
+        let (view, length) = (ray.view(), ray.length);
+        inner.cut(counts[0], |start, end| {
+            let t = self.config.near + (start + jitter * (end - start)) * ray.step;
+            let point = ray.at(t);
+            part.inner.push(&point, inner_cube(point), view);
+            let delta = (end - start) * ray.step * length;
+            push_step(&mut part.inner_steps, delta, t, length);
         });
-        let beyond = config.samples.max(1) - within;
-        let mut left = beyond;
-        outer.cut(beyond, |start, end| {
+        let step = 1.0 / self.config.outer_steps as f32;
+        let mut left = counts[1];
+        outer.cut(counts[1], |start, end| {
             left -= 1;
-            let (point, depth) = outer_at(start + jitter * (end - start));
-            outer_samples.push(&point, outer_cube(point), view);
-            let last = left == 0;
-            let delta = if last {
-                LAST_STEP
-            } else {
-                (end - start) * outer_step
+            let inverse_radius = 1.0 - (start + jitter * (end - start)) * step;
+            let (point, depth) = outer_point(ray.origin, ray.direction, inverse_radius);
+            part.outer.push(&point, outer_cube(point), view);
+            let delta = match left {
+                0 => LAST_STEP,
+                _ => (end - start) * step,
             };
-            push_step(outer_steps, delta, depth, length);
+            push_step(&mut part.outer_steps, delta, depth, length);
         });
-        counts.push([within, beyond]);
+        part.counts.push(counts);
     }
 }
 
@@ -418,8 +448,8 @@ pub fn march(
             let mut part = Part::default();
             for ray in chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len()) {
                 let shift = seed.map_or(0.5, |seed| jitter(seed, ray));
-                let ray = (rays.origins[ray], rays.directions[ray]);
-                march.ray(ray, shift, guides, &mut part);
+                let ray = Ray::new(rays.origins[ray], rays.directions[ray], config);
+                march.ray(&ray, shift, guides, &mut part);
             }
             part
         })
@@ -428,7 +458,7 @@ pub fn march(
 }
 
 fn join(parts: Vec<Part>) -> Samples {
-    let mut samples = Samples::default();
+    let (mut samples, mut layout) = (Samples::default(), CompositeLayout::default());
     let split: usize = parts.iter().map(|p| p.inner.len()).sum();
     let [mut inner_at, mut outer_at] = [0, split];
     let mut steps: [[Vec<f32>; 3]; 2] = Default::default();
@@ -444,7 +474,7 @@ fn join(parts: Vec<Part>) -> Samples {
             }
         }
         for [inner, outer] in part.counts {
-            samples.layout.rays.push(RaySpan {
+            layout.rays.push(RaySpan {
                 inner: inner_at..inner_at + inner,
                 outer: outer_at..outer_at + outer,
             });
@@ -456,10 +486,7 @@ fn join(parts: Vec<Part>) -> Samples {
     for (inner, mut outer) in inner.iter_mut().zip(outer) {
         inner.append(&mut outer);
     }
-    [
-        samples.layout.deltas,
-        samples.layout.depths,
-        samples.layout.distances,
-    ] = inner;
+    [layout.deltas, layout.depths, layout.distances] = inner;
+    samples.layout = Arc::new(layout);
     samples
 }

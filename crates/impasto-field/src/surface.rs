@@ -35,7 +35,7 @@ impl Geometry {
         let weights = self.weights();
         let split = self.samples.inner.len();
         let device = self.density.device();
-        let layout = Arc::clone(&self.layout);
+        let layout = Arc::clone(&self.samples.layout);
         let mut inner = Merged::new(&self.samples.inner, 3, 0, self.inner.clone());
         let mut outer = Merged::new(&self.samples.outer, 4, split, self.outer.clone());
         let (mut parts, mut optical, mut behind) = (Vec::new(), Vec::new(), 0);
@@ -73,11 +73,10 @@ impl Geometry {
             inner: (in_front > 0).then(|| matrix(inner.rows, inner.width, &device)),
             outer: (behind > 0).then(|| matrix(outer.rows, outer.width, &device)),
             density: Tensor::from_data(optical.as_slice(), &device),
-            layout: Arc::new(layout.clone()),
             samples: Samples {
                 inner: inner.samples,
                 outer: outer.samples,
-                layout,
+                layout: Arc::new(layout),
             },
         }
     }

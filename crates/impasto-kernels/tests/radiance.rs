@@ -41,12 +41,12 @@ fn spec(rays: usize, density: Density, view: usize) -> RadianceSpec {
     }
     RadianceSpec {
         volumes: [volume(&[8]), volume(&[6, 6])],
-        layout: CompositeLayout {
+        layout: Arc::new(CompositeLayout {
             rays: spans,
             deltas: numbers(1, total, 0.05..0.6),
             depths: numbers(2, total, 0.0..3.0),
             distances,
-        },
+        }),
         views: numbers(3, rays * view, -1.0..1.0),
         targets: numbers(4, rays * 3, 0.0..1.0),
         depth: 0.3,
@@ -237,7 +237,7 @@ fn gradients_of_many_rays_are_those_of_each() {
         let inner = span.inner.len();
         let one = RadianceSpec {
             volumes: all.volumes.clone(),
-            layout: CompositeLayout {
+            layout: Arc::new(CompositeLayout {
                 rays: vec![RaySpan {
                     inner: 0..inner,
                     outer: inner..inner + span.outer.len(),
@@ -245,7 +245,7 @@ fn gradients_of_many_rays_are_those_of_each() {
                 deltas: pick(&all.layout.deltas),
                 depths: pick(&all.layout.depths),
                 distances: pick(&all.layout.distances),
-            },
+            }),
             views: all.views[3 * ray..3 * ray + 3].to_vec(),
             targets: all.targets[3 * ray..3 * ray + 3].to_vec(),
             ..all
@@ -311,7 +311,7 @@ fn a_poisoned_sample_spoils_its_own_ray_only() {
 #[should_panic(expected = "packed ray by ray")]
 fn refuses_samples_with_gaps() {
     let mut spec = spec(9, Density::Exp, 0);
-    spec.layout.rays.swap(2, 5);
+    Arc::make_mut(&mut spec.layout).rays.swap(2, 5);
     let volumes = inputs(&spec, 1);
     radiance::loss(&spec, &slices(&volumes));
 }

@@ -13,6 +13,7 @@ use impasto_kernels::ops::AdamParam;
 use impasto_scene::{Camera, Scene, Split};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use std::sync::Arc;
 
 /// Share of a grid's cells looked at, at each update: of all, and of those that hold something.
 const GRID_SHARES: [f32; 2] = [0.03, 0.2];
@@ -202,7 +203,7 @@ impl GeometryStage {
 /// Replaces the samples' depths by their distance from the surface that is known on their ray, or
 /// by zero: the composite's expected depth becomes the expected distance from that surface.
 fn measure_from_surfaces(samples: &mut Samples, targets: &Targets) {
-    let layout = &mut samples.layout;
+    let layout = Arc::make_mut(&mut samples.layout);
     layout.depths.fill(0.0);
     for (span, distance) in layout.rays.iter().zip(&targets.distances) {
         let Some(distance) = distance else { continue };

@@ -21,7 +21,7 @@ const RATE: f32 = 0.15;
 pub struct DensityGrid {
     resolution: usize,
     levels: Vec<u8>,
-    /// Mean opacity of a cell's width.
+    /// Mean opacity of a cell's width; empty until something is observed.
     opacity: Vec<f32>,
 }
 
@@ -29,22 +29,21 @@ impl DensityGrid {
     /// A grid of `resolution³` cells of one density.
     pub fn new(resolution: usize, density: f32) -> Self {
         let cells = resolution * resolution * resolution;
-        Self::with_levels(resolution, vec![Self::level_of(density); cells])
-    }
-
-    fn with_levels(resolution: usize, levels: Vec<u8>) -> Self {
-        let opacity = |l: &u8| opacity(Self::density_of(*l), resolution);
         Self {
             resolution,
-            opacity: levels.iter().map(opacity).collect(),
-            levels,
+            levels: vec![Self::level_of(density); cells],
+            opacity: Vec::new(),
         }
     }
 
     /// A grid from stored levels, x fastest; `None` if their number is no cube of 1 to 512.
     pub fn from_levels(levels: Vec<u8>) -> Option<Self> {
         let resolution = (1..=512).find(|r| r * r * r == levels.len())?;
-        Some(Self::with_levels(resolution, levels))
+        Some(Self {
+            resolution,
+            levels,
+            opacity: Vec::new(),
+        })
     }
 
     /// One level per cell, x fastest.
@@ -138,6 +137,10 @@ impl DensityGrid {
     /// Takes note of the density at a point. Levels change with the next [`Self::settle`].
     pub fn observe(&mut self, point: [f32; 3], density: f32) {
         if let Some(cell) = self.cell(point) {
+            if self.opacity.is_empty() {
+                let opacity = |level: &u8| opacity(Self::density_of(*level), self.resolution);
+                self.opacity = self.levels.iter().map(opacity).collect();
+            }
             let seen = opacity(density, self.resolution);
             // What cannot be measured counts as opaque, so that it is not skipped.
             let seen = if seen.is_finite() { seen } else { 1.0 };
@@ -159,12 +162,14 @@ impl DensityGrid {
             });
     }
 
-    /// Empties every cell that `allowed` (one flag per cell) does not name.
+    /// Empties every cell that `allowed` (one flag per cell) does not name, and forgets what was
+    /// observed since the last [`Self::settle`].
     pub fn keep_only(&mut self, allowed: &[bool]) {
-        let cells = self.levels.iter_mut().zip(&mut self.opacity);
-        for ((level, opacity), _) in cells.zip(allowed).filter(|(_, allowed)| !**allowed) {
-            (*level, *opacity) = (0, 0.0);
+        let cells = self.levels.iter_mut().zip(allowed);
+        for (level, _) in cells.filter(|(_, allowed)| !**allowed) {
+            *level = 0;
         }
+        self.opacity.clear();
     }
 }
 
@@ -268,14 +273,22 @@ mod tests {
 
     #[test]
     fn what_is_stored_is_what_is_read() {
-        let grid = DensityGrid::from_levels((0..27).collect());
-        let levels = grid.as_ref().map(|g| g.levels().to_vec());
-        let mut settled = grid.clone();
-        if let Some(grid) = &mut settled {
-            grid.settle();
-        }
-        assert_eq!(settled, grid);
-        assert_eq!(levels, Some((0..27).collect()));
+        let Some(mut grid) = DensityGrid::from_levels((0..27).collect()) else {
+            unreachable!("27 is a cube");
+        };
+        assert!(grid.levels().iter().copied().eq(0..27));
+        grid.settle();
+        assert!(
+            grid.levels().iter().copied().eq(0..27),
+            "nothing was observed"
+        );
+        let last = grid.position(26, [0.5; 3]);
+        grid.observe(last, DensityGrid::density_of(26));
+        grid.settle();
+        assert!(
+            grid.levels().iter().copied().eq(0..27),
+            "nothing new was observed"
+        );
         assert_eq!(DensityGrid::from_levels(vec![0; 26]), None);
     }
 

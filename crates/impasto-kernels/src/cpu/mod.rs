@@ -10,5 +10,6 @@ pub mod perceptual;
 pub mod radiance;
 
 mod math;
+mod padded;
 mod product;
 mod winograd;

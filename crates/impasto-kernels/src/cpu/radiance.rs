@@ -8,6 +8,7 @@ use super::mlp::{MlpSpec, Packed, Tape};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// How the last number of `geo` becomes a density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,7 +69,7 @@ pub struct RadianceSpec {
     /// Inner, then outer volume.
     pub volumes: [VolumeSpec; 2],
     /// Samples, packed ray by ray: all inner ones first, then all outer ones, no gaps.
-    pub layout: CompositeLayout,
+    pub layout: Arc<CompositeLayout>,
     /// Encoded view of each ray; empty if `app` does not see it.
     pub views: Vec<f32>,
     /// Wanted colour of each ray.
@@ -93,6 +94,31 @@ pub struct Volume<T> {
 }
 
 impl<T> Volume<T> {
+    /// From encoding, base, geo and app.
+    pub fn from_array([encoded, base, geo, app]: [T; 4]) -> Self {
+        Self {
+            encoded,
+            base,
+            geo,
+            app,
+        }
+    }
+
+    /// The inverse of [`Self::from_array`].
+    pub fn into_array(self) -> [T; 4] {
+        [self.encoded, self.base, self.geo, self.app]
+    }
+
+    /// The same by reference.
+    pub fn as_ref(&self) -> Volume<&T> {
+        Volume {
+            encoded: &self.encoded,
+            base: &self.base,
+            geo: &self.geo,
+            app: &self.app,
+        }
+    }
+
     /// The same of something else.
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> Volume<U> {
         Volume {

@@ -1,6 +1,7 @@
 //! 3×3 convolutions by Winograd's minimal filtering F(2×2, 3×3) (Lavin & Gray 2016): 16 instead of
 //! 36 multiplications for every 2×2 pixels. Single precision loses about one digit of seven.
 
+use super::padded::Padded;
 use super::product::{Left, add_product};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -18,28 +19,6 @@ pub(crate) struct WinogradFilters {
     inputs: usize,
     outputs: usize,
     strips: Vec<f32>,
-}
-
-/// A channels-last image with a border of one zero pixel, by rows of `stride` numbers.
-#[derive(Clone, Copy)]
-pub(crate) struct PaddedImage<'a> {
-    pub(crate) data: &'a [f32],
-    pub(crate) height: usize,
-    pub(crate) width: usize,
-    pub(crate) channels: usize,
-}
-
-impl PaddedImage<'_> {
-    fn stride(&self) -> usize {
-        (self.width + 2) * self.channels
-    }
-
-    /// A pixel of the padded image, or `None` behind its border.
-    #[inline(always)]
-    fn pixel(&self, y: usize, x: usize) -> Option<&[f32]> {
-        (y < self.height + 2 && x < self.width + 2)
-            .then(|| &self.data[y * self.stride() + x * self.channels..][..self.channels])
-    }
 }
 
 impl WinogradFilters {
@@ -72,18 +51,18 @@ impl WinogradFilters {
         }
     }
 
-    /// Convolves `input` into `out`, a padded image of zeros of the same size. With a bias, relu
-    /// follows. The border of `out` stays zero.
-    pub(crate) fn convolve(&self, input: PaddedImage<'_>, bias: Option<&[f32]>, out: &mut [f32]) {
+    /// Convolves `input` into `out`, zeros of the same size. With a bias, relu follows. The border
+    /// of `out` stays zero.
+    pub(crate) fn convolve(&self, input: &Padded, bias: Option<&[f32]>, out: &mut Padded) {
         assert_eq!(input.channels, self.inputs, "channels of a convolution");
         let across = input.width.div_ceil(2);
         let wanted = (PATCHES * 64 / self.inputs.max(64)).max(across);
         let rows = (wanted / across)
             .min(input.height.div_ceil(2).div_ceil(4))
             .max(1);
-        let stride = (input.width + 2) * self.outputs;
+        let stride = out.stride();
         // Without the first row, the border.
-        out[stride..(input.height + 1) * stride]
+        out.data[stride..(input.height + 1) * stride]
             .par_chunks_mut(2 * rows * stride)
             .enumerate()
             .for_each(|(chunk, out)| {
@@ -113,7 +92,7 @@ fn transformed_filter(taps: &[f32; 9]) -> [f32; POINTS] {
 /// Some rows of patches, from patch row `first` on.
 struct PatchRows<'a> {
     filters: &'a WinogradFilters,
-    input: PaddedImage<'a>,
+    input: &'a Padded,
     bias: Option<&'a [f32]>,
     first: usize,
     /// Two padded rows per patch row, the last one missing where the height is odd.
@@ -180,7 +159,7 @@ impl WithSimd for PatchRows<'_> {
 /// Writes `Bᵀ d B` of the 4×4 pixels from (`y`, `x`) of the padded image on, channel by channel,
 /// points `apart` numbers from each other.
 #[inline(always)]
-fn transform_patch(input: PaddedImage<'_>, (y, x): (usize, usize), out: &mut [f32], apart: usize) {
+fn transform_patch(input: &Padded, (y, x): (usize, usize), out: &mut [f32], apart: usize) {
     let channels = input.channels;
     let zeros = [0.0; STRIP];
     for start in (0..channels).step_by(STRIP) {
@@ -188,7 +167,7 @@ fn transform_patch(input: PaddedImage<'_>, (y, x): (usize, usize), out: &mut [f3
         let mut columns = [[[0f32; STRIP]; 4]; 4];
         for (dx, column) in columns.iter_mut().enumerate() {
             let pixel = |dy: usize| {
-                let pixel = input.pixel(y + dy, x + dx);
+                let pixel = input.bordered(y + dy, x + dx);
                 pixel.map_or(&zeros[..width], |p| &p[start..start + width])
             };
             let d = [pixel(0), pixel(1), pixel(2), pixel(3)];
@@ -271,11 +250,11 @@ mod tests {
     fn equals_nine_taps_for_every_pixel() {
         for (height, width) in [(1, 1), (2, 2), (3, 5), (8, 7), (13, 20)] {
             for (inputs, outputs) in [(1, 1), (3, 70), (70, 3), (64, 128)] {
-                let mut data = vec![0.0; (height + 2) * (width + 2) * inputs];
+                let mut padded = Padded::zeros(height, width, inputs);
                 let image = numbers(1, height * width * inputs);
                 for y in 0..height {
-                    let at = ((y + 1) * (width + 2) + 1) * inputs;
-                    data[at..at + width * inputs]
+                    let at = padded.at(y, 0);
+                    padded.data[at..at + width * inputs]
                         .copy_from_slice(&image[y * width * inputs..][..width * inputs]);
                 }
                 let weights = numbers(2, 9 * inputs * outputs);
@@ -283,16 +262,10 @@ mod tests {
                     |tap: usize, i: usize, o: usize| weights[(tap * inputs + i) * outputs + o];
                 let bias = numbers(3, outputs);
                 let filters = WinogradFilters::new(inputs, outputs, weight);
-                let padded = PaddedImage {
-                    data: &data,
-                    height,
-                    width,
-                    channels: inputs,
-                };
                 for bias in [None, Some(&*bias)] {
-                    let mut out = vec![0.0; (height + 2) * (width + 2) * outputs];
-                    filters.convolve(padded, bias, &mut out);
-                    for (at, found) in out.iter().enumerate() {
+                    let mut out = Padded::zeros(height, width, outputs);
+                    filters.convolve(&padded, bias, &mut out);
+                    for (at, found) in out.data.iter().enumerate() {
                         let (pixel, o) = (at / outputs, at % outputs);
                         let (y, x) = (pixel / (width + 2), pixel % (width + 2));
                         let inside = (1..=height).contains(&y) && (1..=width).contains(&x);
@@ -301,7 +274,7 @@ mod tests {
                             for tap in 0..9 {
                                 let (y, x) = (y + tap / 3 - 1, x + tap % 3 - 1);
                                 for i in 0..inputs {
-                                    let d = data[(y * (width + 2) + x) * inputs + i];
+                                    let d = padded.data[(y * (width + 2) + x) * inputs + i];
                                     wanted += f64::from(d) * f64::from(weight(tap, i, o));
                                 }
                             }
@@ -322,18 +295,13 @@ mod tests {
     #[test]
     fn what_is_no_number_stays_in_its_neighbourhood() {
         let (height, width, channels) = (9, 9, 2);
-        let mut data = vec![0.0; (height + 2) * (width + 2) * channels];
-        data[(5 * (width + 2) + 5) * channels] = f32::NAN;
+        let mut padded = Padded::zeros(height, width, channels);
+        let at = padded.at(4, 4);
+        padded.data[at] = f32::NAN;
         let filters = WinogradFilters::new(channels, channels, |tap, _, _| tap as f32);
-        let padded = PaddedImage {
-            data: &data,
-            height,
-            width,
-            channels,
-        };
-        let mut out = vec![0.0; data.len()];
-        filters.convolve(padded, Some(&[1.0, 1.0]), &mut out);
-        let spoilt = |y: usize, x: usize| out[(y * (width + 2) + x) * channels].is_nan();
+        let mut out = Padded::zeros(height, width, channels);
+        filters.convolve(&padded, Some(&[1.0, 1.0]), &mut out);
+        let spoilt = |y: usize, x: usize| out.data[(y * (width + 2) + x) * channels].is_nan();
         assert!(spoilt(5, 5) && spoilt(4, 4) && spoilt(6, 6));
         // A patch of two by two pixels sees four by four.
         assert!(!spoilt(2, 5) && !spoilt(5, 2) && !spoilt(8, 5) && !spoilt(5, 8));

@@ -1,7 +1,9 @@
 //! Backward passes: each operation's saved state is the associated type of its step.
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
-use crate::{AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec};
+use crate::{
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+};
 use burn::backend::Autodiff;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
@@ -88,13 +90,14 @@ struct RadianceLoss;
 
 impl<B: KernelGrad> Backward<B, 8> for RadianceLoss {
     /// The gradients of the loss: they came with it.
-    type State = [FloatTensor<B>; 8];
+    type State = [Volume<FloatTensor<B>>; 2];
 
     fn backward(self, ops: Ops<Self::State, 8>, grads: &mut Gradients, _: &mut Checkpointer) {
         let grad = grads.consume::<B>(&ops.node);
         // Only the first number, the loss, has gradients.
         let of_loss = B::float_slice(grad, &[Slice::from(0..1)]);
-        for (node, own) in ops.parents.into_iter().zip(ops.state) {
+        let grads_of = ops.state.into_iter().flat_map(Volume::into_array);
+        for (node, own) in ops.parents.into_iter().zip(grads_of) {
             if let Some(node) = node {
                 grads.register::<B>(node.id, B::scaled(own, of_loss.clone()));
             }
@@ -149,21 +152,24 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
 
     fn radiance_loss(volumes: RadianceVolumes<Self>, spec: Arc<RadianceSpec>) -> FloatTensor<Self> {
         let mut nodes = Vec::with_capacity(8);
-        let primitives = volumes.into_array().map(|tensor| {
-            let (primitive, node) = tensor.into_parts();
-            nodes.push(node);
-            primitive
+        let volumes = volumes.volumes().map(|volume| {
+            volume.map(|tensor| {
+                let (primitive, node) = tensor.into_parts();
+                nodes.push(node);
+                primitive
+            })
         });
-        let volumes = RadianceVolumes::from_array(primitives);
         let Ok(nodes) = <[_; 8]>::try_from(nodes) else {
             unreachable!("one node for each of eight tensors");
         };
         match RadianceLoss.prepare::<C>(nodes).compute_bound().stateful() {
             OpsKind::Tracked(prep) => {
                 let (out, grads) = B::radiance_loss_with_gradients(volumes, &spec);
-                prep.finish(grads.into_array(), out)
+                prep.finish(grads, out)
             }
-            OpsKind::UnTracked(prep) => prep.finish(B::radiance_loss(volumes, spec)),
+            OpsKind::UnTracked(prep) => {
+                prep.finish(B::radiance_loss(RadianceVolumes::new(volumes), spec))
+            }
         }
     }
 

@@ -62,7 +62,7 @@ impl KernelOps for Flex {
     }
 
     fn radiance_loss(volumes: RadianceVolumes<Self>, spec: Arc<RadianceSpec>) -> Primitive {
-        Self::radiance_loss_with_gradients(volumes, &spec).0
+        Self::radiance_loss_with_gradients(volumes.volumes(), &spec).0
     }
 
     fn adam(state: AdamState<Self>, grad: Primitive, step: AdamStep) -> AdamState<Self> {
@@ -138,39 +138,20 @@ impl KernelGrad for Flex {
     }
 
     fn radiance_loss_with_gradients(
-        volumes: RadianceVolumes<Self>,
+        volumes: [Volume<Primitive>; 2],
         spec: &RadianceSpec,
-    ) -> (Primitive, RadianceVolumes<Self>) {
-        let all = volumes.into_array().map(|t| t.to_contiguous());
-        let slices = all.each_ref().map(Primitive::storage::<f32>);
-        let volume = |i: usize| Volume {
-            encoded: slices[i],
-            base: slices[i + 1],
-            geo: slices[i + 2],
-            app: slices[i + 3],
+    ) -> (Primitive, [Volume<Primitive>; 2]) {
+        let whole = volumes.map(|v| v.map(|tensor| tensor.to_contiguous()));
+        let slices = whole
+            .each_ref()
+            .map(|v| v.as_ref().map(Primitive::storage::<f32>));
+        let result = radiance::loss(spec, &slices);
+        let flat = |numbers: Vec<f32>| {
+            let length = numbers.len();
+            tensor(numbers, [length])
         };
-        let result = radiance::loss(spec, &[volume(0), volume(4)]);
         let numbers = [vec![result.loss, result.error], result.densities].concat();
-        let length = numbers.len();
-        let [inner, outer] = result.grads;
-        let grads = [
-            inner.encoded,
-            inner.base,
-            inner.geo,
-            inner.app,
-            outer.encoded,
-            outer.base,
-            outer.geo,
-            outer.app,
-        ]
-        .map(|grad| {
-            let length = grad.len();
-            tensor(grad, [length])
-        });
-        (
-            tensor(numbers, [length]),
-            RadianceVolumes::from_array(grads),
-        )
+        (flat(numbers), result.grads.map(|v| v.map(flat)))
     }
 
     /// A loss that is the end of its graph has a gradient of one: nothing to do for millions of

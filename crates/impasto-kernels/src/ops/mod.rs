@@ -75,9 +75,9 @@ pub trait KernelGrad: Backend {
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
     /// Loss and densities as [`radiance_loss`] returns them, with the loss's gradients.
     fn radiance_loss_with_gradients(
-        volumes: RadianceVolumes<Self>,
+        volumes: [Volume<FloatTensor<Self>>; 2],
         spec: &RadianceSpec,
-    ) -> (FloatTensor<Self>, RadianceVolumes<Self>);
+    ) -> (FloatTensor<Self>, [Volume<FloatTensor<Self>>; 2]);
     /// `tensor` times the only number of `factor`.
     fn scaled(tensor: FloatTensor<Self>, factor: FloatTensor<Self>) -> FloatTensor<Self>;
     /// Forward pass that keeps its activations.
@@ -126,41 +126,33 @@ pub struct RadianceVolumes<B: Backend> {
 }
 
 impl<B: Backend> RadianceVolumes<B> {
-    /// From encodings, base, geo and app of the inner, then the outer volume.
-    pub fn from_array(all: [FloatTensor<B>; 8]) -> Self {
-        let [
-            inner_encoded,
-            inner_base,
-            inner_geo,
-            inner_app,
-            outer_encoded,
-            outer_base,
-            outer_geo,
-            outer_app,
-        ] = all;
+    fn new([inner, outer]: [Volume<FloatTensor<B>>; 2]) -> Self {
         Self {
-            inner_encoded,
-            inner_base,
-            inner_geo,
-            inner_app,
-            outer_encoded,
-            outer_base,
-            outer_geo,
-            outer_app,
+            inner_encoded: inner.encoded,
+            inner_base: inner.base,
+            inner_geo: inner.geo,
+            inner_app: inner.app,
+            outer_encoded: outer.encoded,
+            outer_base: outer.base,
+            outer_geo: outer.geo,
+            outer_app: outer.app,
         }
     }
 
-    /// The inverse of [`Self::from_array`].
-    pub fn into_array(self) -> [FloatTensor<B>; 8] {
+    fn volumes(self) -> [Volume<FloatTensor<B>>; 2] {
         [
-            self.inner_encoded,
-            self.inner_base,
-            self.inner_geo,
-            self.inner_app,
-            self.outer_encoded,
-            self.outer_base,
-            self.outer_geo,
-            self.outer_app,
+            Volume {
+                encoded: self.inner_encoded,
+                base: self.inner_base,
+                geo: self.inner_geo,
+                app: self.inner_app,
+            },
+            Volume {
+                encoded: self.outer_encoded,
+                base: self.outer_base,
+                geo: self.outer_geo,
+                app: self.outer_app,
+            },
         ]
     }
 }
@@ -173,17 +165,7 @@ impl<B: Backend> RadianceVolumes<B> {
 /// `[2 + samples]` = loss, its mean squared difference of colours, densities in layout order. Only
 /// the first has gradients.
 pub fn radiance_loss(volumes: [Volume<Tensor<1>>; 2], spec: Arc<RadianceSpec>) -> Tensor<1> {
-    let [inner, outer] = volumes.map(|v| v.map(Tensor::into_dispatch));
-    let volumes = RadianceVolumes::from_array([
-        inner.encoded,
-        inner.base,
-        inner.geo,
-        inner.app,
-        outer.encoded,
-        outer.base,
-        outer.geo,
-        outer.app,
-    ]);
+    let volumes = RadianceVolumes::new(volumes.map(|v| v.map(Tensor::into_dispatch)));
     Tensor::from_dispatch(<Dispatch as KernelOps>::radiance_loss(volumes, spec))
 }
 
