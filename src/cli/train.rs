@@ -68,7 +68,7 @@ enum Preset {
 /// How long to train.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct BudgetArgs {
-    /// Time for training, e.g. 90s, 10m or 1h30m [default: 10m; 3m for the demo]
+    /// Time for training, e.g. 90s, 10m or 1h30m [default: 10m; 190s for the demo]
     #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "steps")]
     budget: Option<Duration>,
     /// Number of steps of training, instead of a time

@@ -191,7 +191,10 @@ impl Geometry {
     pub fn prepared(self, config: &AppearanceConfig) -> Self {
         match config.shading {
             Shading::Samples => self,
-            Shading::Surface => self.merged(),
+            Shading::Surface => {
+                let weights = self.weights();
+                self.merged(&weights)
+            }
         }
     }
 
@@ -326,14 +329,17 @@ fn render_chunk(
     let light = geometry.weights();
     let depth = geometry.median_depth(&light);
     let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
-    let samples = geometry.kept(&light, SHADE_LEAST);
-    let surface = needs(Shading::Surface).then(|| samples.clone().merged());
+    let samples = needs(Shading::Samples).then(|| geometry.kept(&light, SHADE_LEAST));
+    let surface = needs(Shading::Surface).then(|| geometry.merged(&light));
     let colours = appearances.iter().map(|appearance| {
         let prepared = match appearance.config.shading {
-            Shading::Samples => None,
-            Shading::Surface => surface.as_ref(),
+            Shading::Samples => &samples,
+            Shading::Surface => &surface,
         };
-        let pixels = host(prepared.unwrap_or(&samples).composite(appearance));
+        let prepared = prepared.iter();
+        let pixels: Vec<f32> = prepared
+            .flat_map(|p| host(p.composite(appearance)))
+            .collect();
         let (pixels, _) = pixels.as_chunks::<{ CompositeLayout::outputs(3) }>();
         let colours = pixels.iter().flat_map(|pixel| &pixel[..3]);
         colours.map(|c| c.clamp(0.0, 1.0)).collect()

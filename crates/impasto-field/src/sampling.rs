@@ -5,7 +5,9 @@ use crate::encoding::Positions;
 use crate::field::Grids;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
 use impasto_kernels::{CompositeLayout, DensityGrid, RaySpan};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The step of the last outer sample, which everything infinitely far belongs to.
@@ -74,6 +76,7 @@ impl VolumeSamples {
         }
     }
 
+    #[inline(always)]
     fn push(&mut self, raw: &[f32], cube: [f32; 3], view: [f32; 3]) {
         self.raw.extend(raw);
         self.cube.extend(cube);
@@ -81,9 +84,15 @@ impl VolumeSamples {
     }
 
     fn append(&mut self, other: &mut Self) {
-        self.raw.append(&mut other.raw);
-        self.cube.append(&mut other.cube);
-        self.views.append(&mut other.views);
+        append(&mut self.raw, &mut other.raw);
+        append(&mut self.cube, &mut other.cube);
+        append(&mut self.views, &mut other.views);
+    }
+
+    fn reserve(&mut self, samples: usize, dimensions: usize) {
+        self.raw.reserve(samples * dimensions);
+        self.cube.reserve(samples * 3);
+        self.views.reserve(samples * 3);
     }
 
     fn kept(&self, dimensions: usize, indices: &[usize]) -> Self {
@@ -148,7 +157,7 @@ impl Samples {
                 .map(|(d, _)| *d)
                 .collect()
         };
-        let map = |r: &std::ops::Range<usize>| position[r.start]..position[r.end];
+        let map = |r: &Range<usize>| position[r.start]..position[r.end];
         Self {
             inner: self.inner.kept(3, &inner),
             outer: self.outer.kept(4, &outer),
@@ -170,6 +179,15 @@ impl Samples {
     }
 }
 
+/// Moves `own` behind `all`; the first one is not copied.
+fn append(all: &mut Vec<f32>, own: &mut Vec<f32>) {
+    if all.is_empty() {
+        std::mem::swap(all, own);
+    } else {
+        all.append(own);
+    }
+}
+
 /// Distance along a ray squeezed into `[0, 1)`: `d / (1 + d)`, one scale for both volumes.
 #[inline(always)]
 pub fn contracted_distance(distance: f32) -> f32 {
@@ -177,6 +195,7 @@ pub fn contracted_distance(distance: f32) -> f32 {
 }
 
 /// A cheap, well-mixed random number in `[0, 1)` for a seed and a ray.
+#[inline(always)]
 fn jitter(seed: u64, ray: usize) -> f32 {
     let mut x = seed ^ (ray as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -238,6 +257,7 @@ impl Guide {
 
     /// Widens every step's light to its neighbours', since a grid's cells are coarse, adds `even`
     /// spread evenly, and returns the sum.
+    #[inline(always)]
     fn sum(&mut self, even: f32) -> f32 {
         let count = self.light.len();
         let even = even / count.max(1) as f32;
@@ -254,6 +274,7 @@ impl Guide {
 
     /// Cuts the steps into `parts` of equal light; calls `part` with start and end of each, in
     /// steps.
+    #[inline(always)]
     fn cut(&self, parts: usize, mut part: impl FnMut(f32, f32)) {
         let total = self.sums.last().copied().unwrap_or(0.0);
         let (mut step, mut start) = (0, 0.0);
@@ -284,6 +305,20 @@ struct Part {
     outer_steps: [Vec<f32>; 3],
     /// Inner and outer counts per ray.
     counts: Vec<[usize; 2]>,
+}
+
+impl Part {
+    /// Room for rays and for the samples of both volumes in any mixture.
+    fn with_room(rays: usize, samples: usize) -> Self {
+        let mut part = Self::default();
+        part.inner.reserve(samples, 3);
+        part.outer.reserve(samples, 4);
+        for steps in part.inner_steps.iter_mut().chain(&mut part.outer_steps) {
+            steps.reserve(samples);
+        }
+        part.counts.reserve(rays);
+        part
+    }
 }
 
 impl From<Samples> for Part {
@@ -323,6 +358,7 @@ struct Ray {
 }
 
 impl Ray {
+    #[inline(always)]
     fn new(origin: [f32; 3], direction: [f32; 3], config: &SamplingConfig) -> Self {
         let length = dot(direction, direction).sqrt();
         let far = exit(origin, direction).unwrap_or(0.0);
@@ -337,16 +373,19 @@ impl Ray {
         }
     }
 
+    #[inline(always)]
     fn at(&self, t: f32) -> [f32; 3] {
         [0, 1, 2].map(|axis| self.origin[axis] + t * self.direction[axis])
     }
 
+    #[inline(always)]
     fn view(&self) -> [f32; 3] {
         self.direction.map(|c| c / self.length)
     }
 }
 
 impl March<'_> {
+    #[inline(always)]
     fn ray(&self, ray: &Ray, jitter: f32, guides: &mut [Guide; 2], part: &mut Part) {
         self.look(ray, guides);
         let explore = 0.5 * self.config.explore;
@@ -363,6 +402,7 @@ impl March<'_> {
     }
 
     /// Asks both grids what light to expect along the ray.
+    #[inline(always)]
     fn look(&self, ray: &Ray, [inner, outer]: &mut [Guide; 2]) {
         let left = inner.look(ray.steps, 1.0, (&self.grids.inner, &self.tables[0]), |i| {
             inner_cube(ray.at(self.config.near + (i as f32 + 0.5) * ray.step))
@@ -385,6 +425,7 @@ impl March<'_> {
     }
 
     /// Adds `counts` samples of both volumes where the guides say.
+    #[inline(always)]
     fn place(
         &self,
         ray: &Ray,
@@ -419,6 +460,7 @@ impl March<'_> {
 }
 
 /// Adds a sample's step, depth and contracted distance.
+#[inline(always)]
 fn push_step(steps: &mut [Vec<f32>; 3], delta: f32, depth: f32, length: f32) {
     steps[0].push(delta);
     steps[1].push(depth);
@@ -445,16 +487,42 @@ pub fn march(
     let parts: Vec<Part> = (0..rays.len().div_ceil(CHUNK))
         .into_par_iter()
         .map_init(<[Guide; 2]>::default, |guides, chunk| {
-            let mut part = Part::default();
-            for ray in chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len()) {
-                let shift = seed.map_or(0.5, |seed| jitter(seed, ray));
-                let ray = Ray::new(rays.origins[ray], rays.directions[ray], config);
-                march.ray(&ray, shift, guides, &mut part);
-            }
-            part
+            let chunk = MarchChunk {
+                march: &march,
+                rays,
+                chunk: chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len()),
+                seed,
+                guides,
+            };
+            Arch::new().dispatch(chunk)
         })
         .collect();
     join(parts)
+}
+
+/// A few rays, for code compiled for this machine's vectors.
+struct MarchChunk<'a> {
+    march: &'a March<'a>,
+    rays: &'a RayBatch,
+    chunk: Range<usize>,
+    seed: Option<u64>,
+    guides: &'a mut [Guide; 2],
+}
+
+impl WithSimd for MarchChunk<'_> {
+    type Output = Part;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Part {
+        let config = self.march.config;
+        let mut part = Part::with_room(self.chunk.len(), self.chunk.len() * config.samples);
+        for ray in self.chunk {
+            let shift = self.seed.map_or(0.5, |seed| jitter(seed, ray));
+            let ray = Ray::new(self.rays.origins[ray], self.rays.directions[ray], config);
+            self.march.ray(&ray, shift, self.guides, &mut part);
+        }
+        part
+    }
 }
 
 fn join(parts: Vec<Part>) -> Samples {
@@ -470,7 +538,7 @@ fn join(parts: Vec<Part>) -> Samples {
             .zip([&mut part.inner_steps, &mut part.outer_steps])
         {
             for (all, own) in all.iter_mut().zip(own) {
-                all.append(own);
+                append(all, own);
             }
         }
         for [inner, outer] in part.counts {

@@ -8,7 +8,7 @@ pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// Ray parameter at which a ray that starts inside the unit sphere leaves it, in units of
 /// `direction` (any length but zero). `None` when the ray misses the sphere or has no direction.
-#[inline]
+#[inline(always)]
 pub fn exit(origin: [f32; 3], direction: [f32; 3]) -> Option<f32> {
     let (a, b) = (dot(direction, direction), dot(origin, direction));
     let discriminant = b * b - a * (dot(origin, origin) - 1.0);
@@ -22,7 +22,7 @@ pub fn exit(origin: [f32; 3], direction: [f32; 3]) -> Option<f32> {
 ///
 /// Written with everything multiplied by the inverse radius, so that neither a ray through the
 /// origin nor one to infinity divides zero by zero.
-#[inline]
+#[inline(always)]
 pub fn outer_point(origin: [f32; 3], direction: [f32; 3], inverse_radius: f32) -> ([f32; 4], f32) {
     let length = dot(direction, direction).sqrt();
     let unit = direction.map(|c| c / length);

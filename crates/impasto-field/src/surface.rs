@@ -31,13 +31,14 @@ impl Geometry {
     /// The same rays with one sample per volume: the mean, weighted by contribution, of features
     /// and positions. The inner one is as opaque as all of them together; the outer one takes what
     /// light is left, and is left out where that is nothing. No gradients.
-    pub(crate) fn merged(self) -> Self {
-        let weights = self.weights();
+    ///
+    /// `weights` are the samples' contributions, as of [`Self::weights`].
+    pub(crate) fn merged(self, weights: &[f32]) -> Self {
         let split = self.samples.inner.len();
         let device = self.density.device();
         let layout = Arc::clone(&self.samples.layout);
-        let mut inner = Merged::new(&self.samples.inner, 3, 0, self.inner.clone());
-        let mut outer = Merged::new(&self.samples.outer, 4, split, self.outer.clone());
+        let mut inner = Merged::new(&self.samples.inner, 3, 0, self.inner);
+        let mut outer = Merged::new(&self.samples.outer, 4, split, self.outer);
         let (mut parts, mut optical, mut behind) = (Vec::new(), Vec::new(), 0);
         for span in &layout.rays {
             let sum = |range: &Range<usize>| weights[range.clone()].iter().sum::<f32>();
@@ -48,11 +49,11 @@ impl Geometry {
             if share >= LEAST_SHARE {
                 let depth = -(1.0 - share).ln();
                 optical.push(if opaque { OPAQUE } else { depth });
-                inner.push(&weights, &span.inner, &layout);
+                inner.push(weights, &span.inner, &layout);
             }
             if !opaque {
                 behind += 1;
-                outer.push(&weights, &span.outer, &layout);
+                outer.push(weights, &span.outer, &layout);
             }
             parts.push([before[0]..optical.len(), before[1]..behind]);
         }

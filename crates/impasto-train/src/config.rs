@@ -122,7 +122,7 @@ impl TrainConfig {
                 outer: volume(grid(16, 1024.0)),
                 sampling: SamplingConfig {
                     samples: 32,
-                    explore: 0.1,
+                    explore: 0.8,
                     inner_step: 0.02,
                     outer_steps: 96,
                     inner_grid: 96,
@@ -153,9 +153,9 @@ impl TrainConfig {
             geometry: GeometryConfig {
                 samples: 30_000,
                 rays: [512, 8192],
-                grid_rate: 1.5e-2,
-                network_rate: 3e-3,
-                final_rate: 0.05,
+                grid_rate: 3e-2,
+                network_rate: 1.2e-2,
+                final_rate: 0.1,
                 distortion: 3e-3,
                 surface: 0.1,
                 surface_share: 0.1,

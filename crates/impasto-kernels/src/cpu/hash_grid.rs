@@ -2,6 +2,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+use std::mem::MaybeUninit;
 
 /// Corners of a cell.
 const CORNERS: usize = 8;
@@ -254,10 +255,12 @@ pub fn backward(spec: &HashGridSpec, points: &[f32], grad: &[f32]) -> Vec<f32> {
         points.len() / 3 * spec.outputs(),
         "gradient of a hash encoding"
     );
-    let mut table_grad = vec![0.0; spec.params()];
-    table_grad
+    let mut table_grad = Vec::with_capacity(spec.params());
+    table_grad.spare_capacity_mut()[..spec.params()]
         .par_chunks_mut(spec.level_params())
         .enumerate()
+        // A level's zeros are still in this core's cache when gradients are added to them.
+        .map(|(level, table_grad)| (level, zeroed(table_grad)))
         .for_each(|(level, table_grad)| match spec.features {
             1 => Arch::new().dispatch(BackwardLevel::<1>(spec, level, points, grad, table_grad)),
             2 => Arch::new().dispatch(BackwardLevel::<2>(spec, level, points, grad, table_grad)),
@@ -265,7 +268,15 @@ pub fn backward(spec: &HashGridSpec, points: &[f32], grad: &[f32]) -> Vec<f32> {
             8 => Arch::new().dispatch(BackwardLevel::<8>(spec, level, points, grad, table_grad)),
             other => unsupported(other),
         });
+    // SAFETY: every level was zeroed, and the levels are all of it.
+    unsafe { table_grad.set_len(spec.params()) };
     table_grad
+}
+
+fn zeroed(level: &mut [MaybeUninit<f32>]) -> &mut [f32] {
+    level.fill(MaybeUninit::new(0.0));
+    // SAFETY: just written.
+    unsafe { level.assume_init_mut() }
 }
 
 /// Level, points, their gradient and the level's.

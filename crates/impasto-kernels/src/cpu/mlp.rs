@@ -5,7 +5,7 @@
 //! (the hypernetwork's output) and learned ones are the same path.
 
 use super::math::exp;
-use super::product::{Left, add_product};
+use super::product::{Left, Start, add_product, product};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -213,17 +213,16 @@ impl Tape {
             };
             let out = &mut rest[0][..rows * layer.outputs];
             let (weight, bias) = packed.layer(i);
-            for row in out.chunks_exact_mut(layer.outputs) {
-                row.copy_from_slice(bias);
-            }
             if let Some(transposed) = &packed.transposed {
                 let input = Left::new(input, rows, layer.inputs);
-                add_product(simd, out, input, &transposed[i], layer.outputs);
+                let out = (&mut *out, Start::Row(bias), layer.outputs);
+                product(simd, out, input, &transposed[i], layer.outputs);
             } else {
                 let rows = out.chunks_exact_mut(layer.outputs);
                 for (out, x) in rows.zip(input.chunks_exact(layer.inputs)) {
-                    for (out, weight) in out.iter_mut().zip(weight.chunks_exact(layer.inputs)) {
-                        *out += lane_sum(weight, x, |w, x| w * x);
+                    let weights = weight.chunks_exact(layer.inputs);
+                    for ((out, bias), weight) in out.iter_mut().zip(bias).zip(weights) {
+                        *out = bias + lane_sum(weight, x, |w, x| w * x);
                     }
                 }
             }
@@ -235,8 +234,8 @@ impl Tape {
         }
     }
 
-    /// Gradients for the block that went through last: adds the parameters' to `params_grad`, and
-    /// the input's to `input_grad` unless that is empty.
+    /// Gradients for the block that went through last: adds the parameters' to `params_grad`;
+    /// the input's go to `input_grad`, upon its `start`, unless that is empty.
     #[inline(always)]
     pub(crate) fn backward<S: Simd>(
         &mut self,
@@ -244,7 +243,7 @@ impl Tape {
         packed: &Packed<'_>,
         (x, grad): (&[f32], &[f32]),
         params_grad: &mut [f32],
-        input_grad: &mut [f32],
+        (input_grad, start): (&mut [f32], Start<'_>),
     ) {
         let spec = packed.spec;
         let rows = x.len() / spec.inputs();
@@ -257,18 +256,15 @@ impl Tape {
                 _ => &self.outputs[i - 1][..rows * layer.inputs],
             };
             add_layer_grad(simd, layer, &mut params_grad[packed.range(i)], g, input);
-            let target = if i > 0 {
-                let target = &mut self.next[..rows * layer.inputs];
-                target.fill(0.0);
-                target
-            } else if !input_grad.is_empty() {
-                &mut *input_grad
-            } else {
-                continue;
+            let (target, start) = match i {
+                0 if input_grad.is_empty() => continue,
+                0 => (&mut *input_grad, start),
+                _ => (&mut self.next[..rows * layer.inputs], Start::Zero),
             };
             let (weight, _) = packed.layer(i);
             let g = Left::new(g, rows, layer.outputs);
-            add_product(simd, target, g, weight, layer.inputs);
+            let target = (target, start, layer.inputs);
+            product(simd, target, g, weight, layer.inputs);
             std::mem::swap(&mut self.current, &mut self.next);
         }
     }
@@ -452,7 +448,7 @@ impl WithSimd for PieceBackward<'_> {
         let grads = self.grad.chunks(BLOCK * outputs);
         for (x, grad) in self.x.chunks(BLOCK * inputs).zip(grads) {
             tape.forward(simd, self.packed, x);
-            let input_grad = input_grads.next().unwrap_or_default();
+            let input_grad = (input_grads.next().unwrap_or_default(), Start::Zero);
             tape.backward(simd, self.packed, (x, grad), &mut params_grad, input_grad);
         }
         params_grad

@@ -5,7 +5,7 @@
 //! matrix products over overlapping rows of the padded image: no patch matrix is ever built.
 
 use super::padded::{Padded, pool, pool_backward};
-use super::product::{Left, add_product_to_columns};
+use super::product::{Left, Start, product};
 use super::winograd::WinogradFilters;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -171,7 +171,7 @@ struct Convolve<'a> {
     start: usize,
     filters: &'a [f32],
     bias: Option<&'a [f32]>,
-    /// Zeros; pixels are `stride` apart.
+    /// Pixels are `stride` apart.
     target: &'a mut [f32],
     stride: usize,
     channels: usize,
@@ -184,11 +184,6 @@ impl WithSimd for Convolve<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let (inputs, row) = (self.input.channels, self.input.width + 2);
         let count = self.target.len().div_ceil(self.stride);
-        if let Some(bias) = self.bias {
-            for pixel in self.target.chunks_mut(self.stride) {
-                pixel[..self.channels].copy_from_slice(bias);
-            }
-        }
         let corner = (self.start - row - 1) * inputs;
         let neighbourhoods = Left::overlapping(
             &self.input.data[corner..],
@@ -197,14 +192,9 @@ impl WithSimd for Convolve<'_> {
             3 * inputs,
         );
         let (stride, channels) = (self.stride, self.channels);
-        add_product_to_columns(
-            simd,
-            self.target,
-            stride,
-            neighbourhoods,
-            self.filters,
-            channels,
-        );
+        let start = self.bias.map_or(Start::Zero, Start::Row);
+        let target = (&mut *self.target, start, stride);
+        product(simd, target, neighbourhoods, self.filters, channels);
         if self.bias.is_some() {
             for pixel in self.target.chunks_mut(stride) {
                 for v in &mut pixel[..channels] {

@@ -73,6 +73,17 @@ impl<'a> Left<'a> {
     }
 }
 
+/// What a product is added to.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Start<'a> {
+    /// What is there.
+    Sum,
+    /// Nothing: what was there is forgotten.
+    Zero,
+    /// This row, for every row.
+    Row(&'a [f32]),
+}
+
 /// `out += left · right`, `out` and `right` row-major with `width` columns. Runs on the calling
 /// thread.
 #[inline(always)]
@@ -83,19 +94,21 @@ pub(crate) fn add_product<S: Simd>(
     right: &[f32],
     width: usize,
 ) {
-    add_product_to_columns(simd, out, width, left, right, width);
+    product(simd, (out, Start::Sum, width), left, right, width);
 }
 
-/// The same into the first `width` numbers of rows that are `stride` apart.
+/// `out = start + left · right`, into the first `width` numbers of rows that are `stride` apart.
 #[inline(always)]
-pub(crate) fn add_product_to_columns<S: Simd>(
+pub(crate) fn product<S: Simd>(
     simd: S,
-    out: &mut [f32],
-    stride: usize,
+    (out, start, stride): (&mut [f32], Start<'_>, usize),
     left: Left<'_>,
     right: &[f32],
     width: usize,
 ) {
+    if let Start::Row(row) = start {
+        assert_eq!(row.len(), width, "row that a matrix product starts from");
+    }
     assert!(
         width <= stride && out.len() >= (left.rows - 1) * stride + width,
         "result of a matrix product is too short"
@@ -106,6 +119,7 @@ pub(crate) fn add_product_to_columns<S: Simd>(
     );
     let product = Product {
         out: out.as_mut_ptr(),
+        start,
         stride,
         left,
         right: right.as_ptr(),
@@ -120,10 +134,11 @@ fn vectorized<S: Simd>(simd: S, product: Product<'_>) {
     simd.vectorize(product);
 }
 
-/// Checked by [`add_product_to_columns`]: `out` has `left.rows` rows of `width` numbers, `stride`
+/// Checked by [`product`]: `out` has `left.rows` rows of `width` numbers, `stride`
 /// apart, and nobody else writes them; `right` has `left.segments · left.columns × width`.
 struct Product<'a> {
     out: *mut f32,
+    start: Start<'a>,
     stride: usize,
     left: Left<'a>,
     right: *const f32,
@@ -204,7 +219,7 @@ impl Product<'_> {
         let left = &self.left;
         let mut sums = [[simd.splat_f32s(0.0); V]; R];
         // SAFETY: `Left::checked` showed that every element of the left side is inside its slice;
-        // rows of `right` and `out` have `width` numbers, and what passes `width` is masked.
+        // rows of `right`, `out` and `start` have `width` numbers, and what passes `width` is masked.
         unsafe {
             let mut right = self.right.add(column);
             let first = left.data.as_ptr().add(row * left.row_stride);
@@ -225,9 +240,16 @@ impl Product<'_> {
             }
             for (r, sums) in sums.iter().enumerate() {
                 let out = self.out.add((row + r) * self.stride + column);
+                let before: Option<*const f32> = match self.start {
+                    Start::Sum => Some(out),
+                    Start::Zero => None,
+                    Start::Row(row) => Some(row.as_ptr().add(column)),
+                };
                 for (v, sum) in sums.iter().enumerate() {
-                    let before = load::<S, MASKED>(simd, out, v, V, mask);
-                    let after = simd.add_f32s(before, *sum);
+                    let after = match before {
+                        Some(at) => simd.add_f32s(load::<S, MASKED>(simd, at, v, V, mask), *sum),
+                        None => *sum,
+                    };
                     let at = out.wrapping_add(v * S::F32_LANES);
                     if MASKED && v + 1 == V {
                         simd.mask_store_ptr_f32s(mask, at, after);
@@ -270,13 +292,13 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    struct Run<'a>(&'a mut [f32], Left<'a>, &'a [f32], usize);
+    struct Run<'a>(&'a mut [f32], Start<'a>, Left<'a>, &'a [f32], usize);
 
     impl WithSimd for Run<'_> {
         type Output = ();
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) {
-            add_product(simd, self.0, self.1, self.2, self.3);
+            product(simd, (self.0, self.1, self.4), self.2, self.3, self.4);
         }
     }
 
@@ -306,21 +328,29 @@ mod tests {
         let inner = left.segments * left.columns;
         let right = numbers(inner * width);
         let before = numbers(left.rows * width + 5);
-        let mut expected = before.clone();
-        for r in 0..left.rows {
-            for c in 0..width {
-                let terms = (0..inner).map(|k| left.data[at(r, k)] * right[k * width + c]);
-                expected[r * width + c] += terms.sum::<f32>();
+        let row = numbers(width);
+        for start in [Start::Sum, Start::Zero, Start::Row(&row)] {
+            let mut expected = before.clone();
+            for r in 0..left.rows {
+                for c in 0..width {
+                    let terms = (0..inner).map(|k| left.data[at(r, k)] * right[k * width + c]);
+                    let first = match start {
+                        Start::Sum => before[r * width + c],
+                        Start::Zero => 0.0,
+                        Start::Row(row) => row[c],
+                    };
+                    expected[r * width + c] = first + terms.sum::<f32>();
+                }
             }
-        }
-        for run in architectures() {
-            let mut out = before.clone();
-            run(Run(&mut out, left, &right, width));
-            for (i, (a, b)) in out.iter().zip(&expected).enumerate() {
-                assert!((a - b).abs() < 1e-4, "{left:?} × {width} at {i}: {a} {b}");
+            for run in architectures() {
+                let mut out = before.clone();
+                run(Run(&mut out, start, left, &right, width));
+                for (i, (a, b)) in out.iter().zip(&expected).enumerate() {
+                    assert!((a - b).abs() < 1e-4, "{left:?} × {width} at {i}: {a} {b}");
+                }
+                let rest = left.rows * width..;
+                assert_eq!(out[rest.clone()], before[rest], "nothing is written behind");
             }
-            let rest = left.rows * width..;
-            assert_eq!(out[rest.clone()], before[rest], "nothing is written behind");
         }
     }
 

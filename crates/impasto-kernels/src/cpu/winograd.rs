@@ -2,7 +2,7 @@
 //! 36 multiplications for every 2×2 pixels. Single precision loses about one digit of seven.
 
 use super::padded::Padded;
-use super::product::{Left, add_product};
+use super::product::{Left, Start, product};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -126,18 +126,12 @@ impl WithSimd for PatchRows<'_> {
         for (strip, weights) in strips {
             let width = weights.len() / (POINTS * inputs);
             let found = &mut found[..POINTS * patches * width];
-            found.fill(0.0);
             for point in 0..POINTS {
                 let rows = &seen[point * patches * inputs..][..patches * inputs];
                 let weights = &weights[point * inputs * width..][..inputs * width];
                 let found = &mut found[point * patches * width..][..patches * width];
-                add_product(
-                    simd,
-                    found,
-                    Left::new(rows, patches, inputs),
-                    weights,
-                    width,
-                );
+                let rows = Left::new(rows, patches, inputs);
+                product(simd, (found, Start::Zero, width), rows, weights, width);
             }
             let channel = strip * STRIP;
             let bias = bias.map(|b| &b[channel..channel + width]);

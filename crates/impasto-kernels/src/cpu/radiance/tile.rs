@@ -2,6 +2,7 @@
 
 use super::super::composite::{self, CompositeLayout, RaySpan, SpanGrads, Step};
 use super::super::mlp::Tape;
+use super::super::product::Start;
 use super::{CHANNELS, Outputs, PackedVolume, PieceSums, RadianceSpec, Volume, VolumeSpec, ranges};
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
@@ -122,11 +123,15 @@ impl VolumeScratch {
         let rows = density_grad.len();
         let (width, inputs) = (packed.base.spec.outputs(), packed.app.spec.inputs());
         let input_grad = &mut self.app_input_grad[..rows * inputs];
-        input_grad.fill(0.0);
         let input = &self.app_input[..rows * inputs];
         let app = (input, colour_grad);
-        self.app
-            .backward(simd, &packed.app, app, &mut grads.app, input_grad);
+        self.app.backward(
+            simd,
+            &packed.app,
+            app,
+            &mut grads.app,
+            (input_grad, Start::Zero),
+        );
         let feature_grad = &mut self.feature_grad[..rows * width];
         let parts = input_grad.chunks_exact(inputs);
         for (to, from) in feature_grad.chunks_exact_mut(width).zip(parts) {
@@ -139,9 +144,15 @@ impl VolumeScratch {
         }
         let features = &self.base.output()[..rows * width];
         let geo = (features, &*raw_grad);
-        self.geo
-            .backward(simd, &packed.geo, geo, &mut grads.geo, feature_grad);
+        self.geo.backward(
+            simd,
+            &packed.geo,
+            geo,
+            &mut grads.geo,
+            (feature_grad, Start::Sum),
+        );
         let base = (encoded, &*feature_grad);
+        let encoded_grad = (encoded_grad, Start::Zero);
         self.base
             .backward(simd, &packed.base, base, &mut grads.base, encoded_grad);
     }
