@@ -3,8 +3,9 @@
 use crate::branch::{encoding_weights, kaiming};
 use crate::config::EncodingConfig;
 use crate::encoding::{Positions, encode, frequencies, matrix};
+use crate::network::AppNetwork;
 use burn::tensor::{Device, Tensor};
-use impasto_kernels::{Activation, MlpSpec, ops};
+use impasto_kernels::{Activation, MlpSpec};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
@@ -34,17 +35,30 @@ pub struct AppearanceConfig {
     pub canvas: Option<EncodingConfig>,
     /// Where it is evaluated.
     pub shading: Shading,
+    /// Whether a linear layer, as wide as the features, comes before anything joins them (the
+    /// paper's).
+    #[serde(default)]
+    pub remap: bool,
+    /// Length of the learned vector that shifts the features before anything joins them (the
+    /// paper's geometry stage).
+    #[serde(default)]
+    pub latent: Option<usize>,
 }
 
 impl AppearanceConfig {
     /// Layers of `app` on features of width `features` and positions of `dimensions` coordinates.
-    pub fn spec(&self, features: usize, dimensions: usize) -> MlpSpec {
+    pub fn network(&self, features: usize, dimensions: usize) -> AppNetwork {
         let view = self.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));
         let canvas = self.canvas.as_ref().map_or(0, |c| c.outputs(dimensions));
         let mut widths = vec![features + view + canvas];
         widths.extend(&self.hidden);
         widths.push(3);
-        MlpSpec::relu(&widths, self.layer_norm, Activation::Sigmoid)
+        let linear = |inputs| MlpSpec::relu(&[inputs, features], false, Activation::Linear);
+        AppNetwork {
+            remap: self.remap.then(|| linear(features)),
+            chain: MlpSpec::relu(&widths, self.layer_norm, Activation::Sigmoid),
+            shift: self.latent.map(linear),
+        }
     }
 }
 
@@ -72,10 +86,12 @@ pub struct Appearance {
     pub outer: Tensor<1>,
     /// The canvas encoding's weights, where the configuration has one.
     pub canvas: Option<Canvas>,
+    /// The field's learned vector, where the configuration asks for one.
+    pub latent: Option<Tensor<1>>,
 }
 
 impl Appearance {
-    /// Random weights.
+    /// Random weights; no learned vector, which belongs to the field.
     pub fn init(
         config: AppearanceConfig,
         features: [usize; 2],
@@ -83,8 +99,9 @@ impl Appearance {
         device: &Device,
     ) -> Self {
         Self {
-            inner: kaiming(&config.spec(features[0], 3), rng, device),
-            outer: kaiming(&config.spec(features[1], 4), rng, device),
+            inner: kaiming(config.network(features[0], 3).parts(), rng, device),
+            outer: kaiming(config.network(features[1], 4).parts(), rng, device),
+            latent: None,
             canvas: config.canvas.as_ref().map(|c| Canvas {
                 inner: encoding_weights(c, FIRST_PAINT, rng, device),
                 outer: encoding_weights(c, FIRST_PAINT, rng, device),
@@ -101,13 +118,13 @@ impl Appearance {
 pub(crate) fn shade(
     config: &AppearanceConfig,
     weights: &Tensor<1>,
-    canvas: Option<&Tensor<1>>,
+    (canvas, latent): (Option<&Tensor<1>>, Option<&Tensor<1>>),
     features: Tensor<2>,
     (positions, views): (&Positions<'_>, &[f32]),
 ) -> Tensor<2> {
-    let spec = config.spec(features.dims()[1], positions.dimensions);
+    let network = config.network(features.dims()[1], positions.dimensions);
     let device = weights.device();
-    let mut inputs = vec![features];
+    let mut inputs = Vec::new();
     if let Some(bands) = config.view_bands {
         inputs.push(matrix(
             frequencies(views, 3, bands),
@@ -118,10 +135,5 @@ pub(crate) fn shade(
     if let (Some(encoding), Some(canvas)) = (&config.canvas, canvas) {
         inputs.push(encode(encoding, canvas, positions));
     }
-    let input = if inputs.len() == 1 {
-        inputs.remove(0)
-    } else {
-        Tensor::cat(inputs, 1)
-    };
-    ops::mlp(input, weights.clone(), &spec)
+    network.forward(features, inputs, weights, latent)
 }

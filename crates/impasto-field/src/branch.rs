@@ -3,6 +3,7 @@
 use crate::appearance::AppearanceConfig;
 use crate::config::{DensityActivation, VolumeConfig};
 use crate::encoding::{Positions, encode};
+use crate::network::Trunk;
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_kernels::{Density, MlpSpec, VolumeSpec, ops};
 use rand::RngExt;
@@ -13,7 +14,7 @@ use rand_pcg::Pcg64;
 pub struct Branch {
     config: VolumeConfig,
     dimensions: usize,
-    base: MlpSpec,
+    trunk: Trunk,
     geo: MlpSpec,
 }
 
@@ -26,12 +27,19 @@ pub struct BranchWeights {
     pub base: Tensor<1>,
     /// `geo`.
     pub geo: Tensor<1>,
+    /// The learned vector that both volumes share, where the trunk takes one.
+    pub latent: Option<Tensor<1>>,
 }
 
-/// Uniform Kaiming initialisation (fan-in, relu gain) of every layer; zero biases.
-pub fn kaiming(spec: &MlpSpec, rng: &mut Pcg64, device: &Device) -> Tensor<1> {
-    let mut flat = Vec::with_capacity(spec.params());
-    for layer in spec.layers() {
+/// Uniform Kaiming initialisation (fan-in, relu gain) of every layer of chains whose parameters
+/// follow each other; zero biases.
+pub fn kaiming<'a>(
+    chains: impl IntoIterator<Item = &'a MlpSpec>,
+    rng: &mut Pcg64,
+    device: &Device,
+) -> Tensor<1> {
+    let mut flat = Vec::new();
+    for layer in chains.into_iter().flat_map(MlpSpec::layers) {
         let bound = (6.0 / layer.inputs as f32).sqrt();
         flat.extend((0..layer.inputs * layer.outputs).map(|_| rng.random_range(-bound..bound)));
         flat.extend(std::iter::repeat_n(0.0, layer.outputs));
@@ -66,7 +74,7 @@ impl Branch {
     /// A branch over positions of `dimensions` coordinates (3 inner, 4 outer).
     pub fn new(config: VolumeConfig, dimensions: usize) -> Self {
         Self {
-            base: config.base_spec(dimensions),
+            trunk: config.trunk(dimensions),
             geo: config.geo_spec(),
             config,
             dimensions,
@@ -83,12 +91,18 @@ impl Branch {
         self.config.features()
     }
 
-    /// Random weights.
-    pub fn init(&self, rng: &mut Pcg64, device: &Device) -> BranchWeights {
+    /// Random weights, with the learned vector that both volumes share.
+    pub fn init(
+        &self,
+        rng: &mut Pcg64,
+        device: &Device,
+        latent: Option<Tensor<1>>,
+    ) -> BranchWeights {
         BranchWeights {
             encoding: encoding_weights(&self.config.encoding, FIRST_ENTRIES, rng, device),
-            base: kaiming(&self.base, rng, device),
-            geo: kaiming(&self.geo, rng, device),
+            base: kaiming(self.trunk.parts(), rng, device),
+            geo: kaiming([&self.geo], rng, device),
+            latent,
         }
     }
 
@@ -96,22 +110,29 @@ impl Branch {
     pub fn lengths(&self) -> [usize; 3] {
         [
             self.config.encoding.hash_grid().map_or(1, |g| g.params()),
-            self.base.params(),
+            self.trunk.params(),
             self.geo.params(),
         ]
     }
 
-    /// Layers from encoding to colour, with an `app` on this branch's features.
-    pub(crate) fn volume_spec(&self, app: &AppearanceConfig) -> VolumeSpec {
-        VolumeSpec {
-            base: self.base.clone(),
+    /// Length of the learned vector.
+    pub fn latent(&self) -> Option<usize> {
+        self.config.latent
+    }
+
+    /// Layers from encoding to colour, with an `app` on this branch's features; `None` unless all
+    /// are plain chains.
+    pub(crate) fn volume_spec(&self, app: &AppearanceConfig) -> Option<VolumeSpec> {
+        let app = app.network(self.features(), self.dimensions);
+        Some(VolumeSpec {
+            base: self.trunk.chain()?.clone(),
             geo: self.geo.clone(),
             density: match self.config.density {
                 DensityActivation::Exp => Density::Exp,
                 DensityActivation::Abs => Density::Abs,
             },
-            app: app.spec(self.features(), self.dimensions),
-        }
+            app: app.chain()?.clone(),
+        })
     }
 
     /// Encoded positions, `[n, width of the encoding]`.
@@ -130,7 +151,9 @@ impl Branch {
         positions: &Positions<'_>,
     ) -> (Tensor<2>, Tensor<1>) {
         let encoded = self.encode(weights, positions);
-        let features = ops::mlp(encoded, weights.base.clone(), &self.base);
+        let features = self
+            .trunk
+            .forward(encoded, &weights.base, weights.latent.as_ref());
         let raw: Tensor<1> =
             ops::mlp(features.clone(), weights.geo.clone(), &self.geo).squeeze_dim(1);
         let density = match self.config.density {

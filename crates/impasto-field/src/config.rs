@@ -1,5 +1,6 @@
 //! Sizes of the field. Presets are values of these types; no code asks for a preset's name.
 
+use crate::network::Trunk;
 use impasto_kernels::{Activation, HashGridSpec, MlpSpec};
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +78,10 @@ pub struct VolumeConfig {
     pub encoding: EncodingConfig,
     /// Widths of `base` after its input; the last is the width of the features.
     pub base: Vec<usize>,
+    /// Length of the learned vector that makes `base` the paper's residual trunk: a first layer,
+    /// then blocks of two layers, all of one width. `None`: a plain chain.
+    #[serde(default)]
+    pub latent: Option<usize>,
     /// Hidden widths of `geo`.
     pub geo: Vec<usize>,
     /// Density activation.
@@ -85,10 +90,15 @@ pub struct VolumeConfig {
 
 impl VolumeConfig {
     /// Layers of `base`: relu throughout, features included.
-    pub fn base_spec(&self, dimensions: usize) -> MlpSpec {
-        let mut widths = vec![self.encoding.outputs(dimensions)];
+    pub fn trunk(&self, dimensions: usize) -> Trunk {
+        let inputs = self.encoding.outputs(dimensions);
+        if let Some(latent) = self.latent {
+            let blocks = self.base.len().saturating_sub(1) / 2;
+            return Trunk::residual(inputs, self.features(), blocks, latent);
+        }
+        let mut widths = vec![inputs];
         widths.extend(&self.base);
-        MlpSpec::relu(&widths, false, Activation::Relu)
+        Trunk::plain(&widths)
     }
 
     /// Layers of `geo`, from features to one number.

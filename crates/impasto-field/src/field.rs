@@ -1,6 +1,6 @@
 //! The field: two branches and their density grids.
 
-use crate::branch::{Branch, BranchWeights};
+use crate::branch::{Branch, BranchWeights, vector};
 use crate::config::FieldConfig;
 use crate::encoding::Positions;
 use crate::sampling::Samples;
@@ -71,9 +71,15 @@ impl Field {
 
     /// Random weights.
     pub fn init(&self, rng: &mut Pcg64, device: &Device) -> FieldWeights {
+        let latent = self.inner.latent().map(|length| {
+            // Of length one at first, however long.
+            let size = (3.0 / length as f32).sqrt();
+            let numbers = (0..length).map(|_| rng.random_range(-size..size));
+            vector(numbers.collect(), device)
+        });
         FieldWeights {
-            inner: self.inner.init(rng, device),
-            outer: self.outer.init(rng, device),
+            inner: self.inner.init(rng, device, latent.clone()),
+            outer: self.outer.init(rng, device, latent),
         }
     }
 

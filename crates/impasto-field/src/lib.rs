@@ -2,6 +2,7 @@
 //!
 //! - [`sphere`]: the unit sphere, its exit along a ray, the inverted outer space;
 //! - [`encoding`]: hash-grid and frequency encodings behind one type;
+//! - [`network`]: layers that share one weight vector, plain or as in the paper;
 //! - [`branch`]: `base` and `geo` of one volume;
 //! - [`appearance`]: `app`, whose weights are data: learned for photos, predicted for paintings;
 //! - [`sampling`]: samples where density grids expect light, packed ray by ray;
@@ -17,6 +18,7 @@ pub mod config;
 pub mod encoding;
 pub mod field;
 pub mod loss;
+pub mod network;
 pub mod render;
 pub mod sampling;
 pub mod sphere;
@@ -26,5 +28,6 @@ pub use appearance::{Appearance, AppearanceConfig, Canvas, Shading};
 pub use branch::{Branch, BranchWeights};
 pub use config::{DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig};
 pub use field::{Field, FieldWeights, Grids, Visible};
+pub use network::{AppNetwork, Trunk};
 pub use render::{Geometry, RenderedRays, prepare_rays, render_rays};
 pub use sampling::{RayBatch, Samples, contracted_distance};

@@ -1,12 +1,14 @@
-//! The loss of the geometry stage (PAPER §4), in one operation.
+//! The loss of the geometry stage (PAPER §4), in one operation where all networks are plain
+//! chains.
 
 use crate::appearance::Appearance;
 use crate::branch::BranchWeights;
 use crate::encoding::frequencies;
+use crate::encoding::matrix;
 use crate::field::{Field, FieldWeights};
 use crate::sampling::Samples;
 use burn::tensor::Tensor;
-use impasto_kernels::{RadianceSpec, Volume, ops};
+use impasto_kernels::{RadianceSpec, Volume, VolumeSpec, ops};
 use std::sync::Arc;
 
 /// What a batch of rays should look like, and what else counts.
@@ -32,6 +34,42 @@ impl Field {
         samples: &Samples,
         wanted: Wanted,
     ) -> Tensor<1> {
+        let volumes = [&self.inner, &self.outer].map(|branch| branch.volume_spec(&app.config));
+        match volumes {
+            [Some(inner), Some(outer)] => {
+                self.fused_loss(weights, app, samples, (wanted, [inner, outer]))
+            }
+            _ => self.composed_loss(weights, app, samples, wanted),
+        }
+    }
+
+    /// Of any networks, operation by operation.
+    fn composed_loss(
+        &self,
+        weights: &FieldWeights,
+        app: &Appearance,
+        samples: &Samples,
+        wanted: Wanted,
+    ) -> Tensor<1> {
+        let geometry = self.geometry(weights, samples.clone());
+        let densities = geometry.densities();
+        let pixels = geometry.composite(app);
+        let colours = matrix(wanted.colours, 3, &pixels.device());
+        let error = (pixels.clone().slice_dim(1, 0..3) - colours)
+            .square()
+            .mean();
+        let mean = |column| pixels.clone().slice_dim(1, column..column + 1).mean();
+        let loss = error.clone() + mean(4) * wanted.depth + mean(5) * wanted.distortion;
+        Tensor::cat(vec![loss, error, densities], 0)
+    }
+
+    fn fused_loss(
+        &self,
+        weights: &FieldWeights,
+        app: &Appearance,
+        samples: &Samples,
+        (wanted, volumes): (Wanted, [VolumeSpec; 2]),
+    ) -> Tensor<1> {
         let split = samples.inner.len();
         let (views, _) = samples.outer.views.as_chunks::<3>();
         let directions = samples.layout.rays.iter().flat_map(|span| {
@@ -43,10 +81,7 @@ impl Field {
             .view_bands
             .map(|bands| frequencies(&directions.collect::<Vec<_>>(), 3, bands));
         let spec = RadianceSpec {
-            volumes: [
-                self.inner.volume_spec(&app.config),
-                self.outer.volume_spec(&app.config),
-            ],
+            volumes,
             layout: Arc::clone(&samples.layout),
             views: views.unwrap_or_default(),
             targets: wanted.colours,

@@ -216,7 +216,7 @@ impl Geometry {
             shade(
                 &appearance.config,
                 weights,
-                canvas,
+                (canvas, appearance.latent.as_ref()),
                 features.clone(),
                 inputs,
             )

@@ -17,6 +17,7 @@ fn config(encoding: &EncodingConfig) -> FieldConfig {
         encoding: encoding.clone(),
         base: vec![16, 8],
         geo: vec![],
+        latent: None,
         density: DensityActivation::Exp,
     };
     FieldConfig {
@@ -180,6 +181,8 @@ fn app() -> AppearanceConfig {
         hidden: vec![16],
         layer_norm: true,
         shading: Shading::Samples,
+        remap: false,
+        latent: None,
         view_bands: Some(2),
         canvas: Some(hash_grid()),
     }
@@ -297,21 +300,33 @@ fn groups_of_rays_are_rays_one_by_one() {
 #[test]
 fn the_loss_is_that_of_the_composite() {
     let device = Device::flex();
-    for (bands, density) in [
-        (Some(2), DensityActivation::Exp),
-        (None, DensityActivation::Abs),
+    for (bands, density, latent) in [
+        (Some(2), DensityActivation::Exp, None),
+        (None, DensityActivation::Abs, None),
+        // Not a plain chain: composed of other operations.
+        (Some(2), DensityActivation::Abs, Some(5)),
     ] {
         let mut sizes = config(&hash_grid());
-        (sizes.inner.density, sizes.outer.density) = (density, density);
+        for volume in [&mut sizes.inner, &mut sizes.outer] {
+            (volume.density, volume.latent) = (density, latent);
+            if latent.is_some() {
+                volume.base = vec![8; 3];
+            }
+        }
         let field = Field::new(sizes);
         let mut rng = Pcg64::seed_from_u64(4);
         let weights = field.init(&mut rng, &device);
         let settings = AppearanceConfig {
             canvas: None,
             view_bands: bands,
+            remap: latent.is_some(),
+            latent,
             ..app()
         };
-        let photo = Appearance::init(settings, field.features(), &mut rng, &device);
+        let photo = Appearance {
+            latent: weights.inner.latent.clone(),
+            ..Appearance::init(settings, field.features(), &mut rng, &device)
+        };
         let samples = field.sample(&many_rays(), &field.grids(1.0, None), Some(1));
         let wanted = Wanted {
             colours: vec![0.3; 900],

@@ -475,3 +475,10 @@ fn reproduces_the_golden_losses_and_gradient() {
         1e-4,
     );
 }
+
+#[test]
+#[should_panic(expected = "sees the image itself")]
+fn a_pool_before_the_first_layer_is_refused() {
+    let layer = ConvLayer::new(&[0.0; 27], vec![0.0], true, true);
+    PerceptualStack::new(vec![layer], 1.0, [0.0; 3]);
+}

@@ -1,7 +1,7 @@
 //! The hypernetwork Ψ (PAPER §6): one small MLP per predicted layer of `app`.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use impasto_kernels::{Activation, MlpSpec, ops};
+use impasto_kernels::{Activation, LayerSpec, MlpSpec, ops};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -19,12 +19,16 @@ pub struct HypernetworkWeights(pub Vec<Tensor<1>>);
 const LAST_SCALE: f32 = 0.1;
 
 impl Hypernetwork {
-    /// Predicts the weights of `app` from codes of length `code` through two hidden layers.
-    pub fn new(code: usize, hidden: usize, app: &MlpSpec) -> Self {
+    /// Predicts the layers of `app` from codes of length `code` through two hidden layers.
+    pub fn new<'a>(
+        code: usize,
+        hidden: usize,
+        app: impl IntoIterator<Item = &'a LayerSpec>,
+    ) -> Self {
         let layer =
             |outputs| MlpSpec::relu(&[code, hidden, hidden, outputs], false, Activation::Linear);
         Self {
-            layers: app.layers().iter().map(|l| layer(l.params())).collect(),
+            layers: app.into_iter().map(|l| layer(l.params())).collect(),
         }
     }
 

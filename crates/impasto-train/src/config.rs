@@ -114,6 +114,7 @@ impl TrainConfig {
             encoding,
             base: vec![64, 32],
             geo: vec![],
+            latent: None,
             density: DensityActivation::Exp,
         };
         Self {
@@ -136,6 +137,8 @@ impl TrainConfig {
                 view_bands: Some(2),
                 canvas: None,
                 shading: Shading::Samples,
+                remap: false,
+                latent: None,
             },
             style_app: AppearanceConfig {
                 hidden: vec![64, 64],
@@ -149,6 +152,8 @@ impl TrainConfig {
                     finest: 256.0,
                 }),
                 shading: Shading::Surface,
+                remap: false,
+                latent: None,
             },
             geometry: GeometryConfig {
                 samples: 30_000,
@@ -324,7 +329,23 @@ impl TrainConfig {
         ] {
             encoding(&format!("{key}.encoding"), &volume.encoding)?;
             widths(&format!("{key}.base"), &volume.base, 1)?;
+            trunk(key, volume)?;
             widths(&format!("{key}.geo"), &volume.geo, 0)?;
+        }
+        let latents = [
+            ("field.outer.latent", self.field.outer.latent),
+            ("photo_app.latent", self.photo_app.latent),
+        ];
+        for (key, latent) in latents {
+            if latent != self.field.inner.latent {
+                return Err(setting(key, "the same as field.inner.latent"));
+            }
+        }
+        if self.style_app.latent.is_some() {
+            return Err(setting(
+                "style_app.latent",
+                "null: styles come from their codes",
+            ));
         }
         widths("photo_app.hidden", &self.photo_app.hidden, 0)?;
         widths("style_app.hidden", &self.style_app.hidden, 0)?;
@@ -357,6 +378,22 @@ fn widths(key: &str, widths: &[usize], least: usize) -> Result<(), TrainError> {
     }
 }
 
+/// A residual trunk is one layer and blocks of two, all equally wide.
+fn trunk(key: &str, volume: &VolumeConfig) -> Result<(), TrainError> {
+    let base = &volume.base;
+    let residual = base.len() % 2 == 1 && base.iter().all(|w| *w == volume.features());
+    match volume.latent {
+        Some(latent) if !(1..=4096).contains(&latent) => {
+            Err(setting(&format!("{key}.latent"), "1 to 4096, or null"))
+        }
+        Some(_) if !residual => Err(setting(
+            &format!("{key}.base"),
+            "an odd number of equal widths where there is a latent vector",
+        )),
+        _ => Ok(()),
+    }
+}
+
 fn encoding(key: &str, encoding: &EncodingConfig) -> Result<(), TrainError> {
     let fits = match encoding {
         EncodingConfig::Frequency { bands } => *bands <= 24,
@@ -380,5 +417,44 @@ fn encoding(key: &str, encoding: &EncodingConfig) -> Result<(), TrainError> {
         Ok(())
     } else {
         Err(setting(key, allowed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+
+    #[test]
+    fn presets_are_valid() {
+        TrainConfig::fast().validate().unwrap();
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        type Change = fn(&mut TrainConfig);
+        let broken: [(&str, Change); 8] = [
+            ("geometry_share", |c| c.geometry_share = f64::NAN),
+            ("geometry.rays", |c| c.geometry.rays = [2, 1]),
+            ("*_rate", |c| c.style.rate = f32::NAN),
+            ("*_weight", |c| c.style.style_weight = -1.0),
+            ("style.supersampling", |c| {
+                c.style.supersampling = usize::MAX;
+            }),
+            ("field.sampling.samples", |c| c.field.sampling.samples = 1),
+            ("field.inner.base", |c| c.field.inner.base.clear()),
+            ("style_app.canvas", |c| {
+                c.style_app.canvas = Some(EncodingConfig::Frequency { bands: 4 });
+            }),
+        ];
+        for (wanted, change) in broken {
+            let mut config = TrainConfig::fast();
+            change(&mut config);
+            let Err(TrainError::Setting { key, .. }) = config.validate() else {
+                panic!("{wanted} passed");
+            };
+            assert_eq!(key, wanted);
+        }
     }
 }

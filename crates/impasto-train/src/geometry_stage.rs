@@ -43,26 +43,31 @@ pub struct StepReport {
     pub rays: usize,
 }
 
-/// Adam's view of everything the stage learns: encoding, base, geo of both volumes, then app.
+/// Adam's view of everything the stage learns: encoding, base, geo of both volumes, app, and the
+/// vector that they share.
 struct Params {
     branches: [[AdamParam; 3]; 2],
     app: [AdamParam; 2],
+    latent: Option<AdamParam>,
 }
 
 impl Params {
     fn new(weights: FieldWeights, app: &Appearance) -> Self {
         let branch = |w: BranchWeights| [w.encoding, w.base, w.geo].map(AdamParam::new);
         Self {
+            latent: weights.inner.latent.clone().map(AdamParam::new),
             branches: [branch(weights.inner), branch(weights.outer)],
             app: [&app.inner, &app.outer].map(|w| AdamParam::new(w.clone())),
         }
     }
 
     fn weights(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> FieldWeights {
+        let latent = self.latent.as_ref().map(&leaf);
         let branch = |p: &[AdamParam; 3]| BranchWeights {
             encoding: leaf(&p[0]),
             base: leaf(&p[1]),
             geo: leaf(&p[2]),
+            latent: latent.clone(),
         };
         FieldWeights {
             inner: branch(&self.branches[0]),
@@ -108,16 +113,19 @@ impl GeometryStage {
 
     /// Current weights, grids and photo appearance.
     pub fn snapshot(&self) -> (FieldWeights, Grids, Appearance) {
+        let (weights, app) = self.leaves(AdamParam::value);
+        (weights, self.grids.clone(), app)
+    }
+
+    fn leaves(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> (FieldWeights, Appearance) {
+        let weights = self.params.weights(&leaf);
         let app = Appearance {
-            inner: self.params.app[0].value(),
-            outer: self.params.app[1].value(),
+            inner: leaf(&self.params.app[0]),
+            outer: leaf(&self.params.app[1]),
+            latent: self.app.config.latent.and(weights.inner.latent.clone()),
             ..self.app.clone()
         };
-        (
-            self.params.weights(AdamParam::value),
-            self.grids.clone(),
-            app,
-        )
+        (weights, app)
     }
 
     /// One optimiser step.
@@ -157,12 +165,7 @@ impl GeometryStage {
     }
 
     fn descend(&mut self, samples: &Samples, targets: &Targets, fade: f32, progress: f32) -> f64 {
-        let weights = self.params.weights(AdamParam::tracked);
-        let app = Appearance {
-            inner: self.params.app[0].tracked(),
-            outer: self.params.app[1].tracked(),
-            ..self.app.clone()
-        };
+        let (weights, app) = self.leaves(AdamParam::tracked);
         let rays = targets.rays.len() as f32;
         let known = targets.distances.iter().flatten().count().max(1) as f32;
         let wanted = Wanted {
@@ -182,6 +185,7 @@ impl GeometryStage {
         let fields = [&weights.inner, &weights.outer];
         let fields = fields.map(|w| [&w.encoding, &w.base, &w.geo].map(&mut taken));
         let apps = [&app.inner, &app.outer].map(&mut taken);
+        let latent = weights.inner.latent.as_ref().and_then(&mut taken);
         // Adam works in place only on what nobody else holds.
         drop((weights, app));
         let (grids, networks) = (
@@ -195,6 +199,9 @@ impl GeometryStage {
         }
         for (param, grad) in self.params.app.iter_mut().zip(apps) {
             descend_one(param, grad, networks, false);
+        }
+        if let Some(param) = &mut self.params.latent {
+            descend_one(param, latent, networks, false);
         }
         f64::from(error)
     }

@@ -123,6 +123,8 @@ impl ModelFile {
             levels("inner.grid", &self.grids.inner),
             levels("outer.grid", &self.grids.outer),
         ];
+        let latent = self.weights.inner.latent.iter();
+        entries.extend(latent.map(|z| floats("latent", z)));
         let branches = [&self.weights.inner, &self.weights.outer];
         let apps = [&self.photo_app.inner, &self.photo_app.outer];
         for (volume, (w, app)) in VOLUMES.iter().zip(branches.into_iter().zip(apps)) {
@@ -284,17 +286,20 @@ impl Reader<'_> {
         config.validate().map_err(|e| e.to_string())?;
         let field = Field::new(config.field.clone());
         let features = field.features();
+        let latent = field.inner.latent();
+        let latent = latent.map(|n| self.floats("latent", n)).transpose()?;
         let branch = |volume: &str, lengths: [usize; 3]| -> Result<BranchWeights, String> {
             Ok(BranchWeights {
                 encoding: self.floats(&format!("{volume}.encoding"), lengths[0])?,
                 base: self.floats(&format!("{volume}.base"), lengths[1])?,
                 geo: self.floats(&format!("{volume}.geo"), lengths[2])?,
+                latent: latent.clone(),
             })
         };
         let photo_app = |i: usize| {
             self.floats(
                 &format!("{}.photo_app", VOLUMES[i]),
-                config.photo_app.spec(features[i], 3 + i).params(),
+                config.photo_app.network(features[i], 3 + i).params(),
             )
         };
         Ok(ModelFile {
@@ -311,6 +316,7 @@ impl Reader<'_> {
                 inner: photo_app(0)?,
                 outer: photo_app(1)?,
                 canvas: None,
+                latent: latent.clone(),
             },
             style: self.style(&field, &config)?,
             config,

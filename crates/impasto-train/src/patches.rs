@@ -237,3 +237,92 @@ fn neighbours(photos: &[PhotoRays]) -> Vec<Vec<usize>> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+    use crate::config::TrainConfig;
+    use crate::rays::tests::sized_camera;
+    use burn::tensor::Device;
+    use glam::DVec3;
+    use impasto_field::EncodingConfig;
+    use rand::SeedableRng;
+
+    fn photo(x: f64, yaw: f64) -> PhotoRays {
+        PhotoRays {
+            rays: sized_camera(DVec3::X * x, yaw, [24, 20]),
+            pixels: vec![0.5; 24 * 20 * 3],
+        }
+    }
+
+    #[test]
+    fn neighbours_look_the_same_way_and_stand_near() {
+        let photos = [
+            photo(0.0, 0.0),
+            photo(0.1, 0.0),
+            photo(0.25, 0.0),
+            // Farther than three times the nearest, then one that looks away.
+            photo(0.9, 0.0),
+            photo(0.05, 2.0),
+        ];
+        let near = neighbours(&photos);
+        assert_eq!(near[0], [1, 2]);
+        assert_eq!(near[1], [0, 2]);
+        assert!(near[4].is_empty(), "nobody looks where photo 4 looks");
+        let crowd: Vec<PhotoRays> = (0..9).map(|i| photo(0.01 * f64::from(i), 0.0)).collect();
+        assert_eq!(neighbours(&crowd)[0].len(), 3, "0.01 to 0.03");
+        assert_eq!(neighbours(&crowd)[4].len(), NEIGHBOURS);
+    }
+
+    fn pool(photos: Vec<PhotoRays>, patch: [usize; 2]) -> PatchPool {
+        let mut config = TrainConfig::fast();
+        for volume in [&mut config.field.inner, &mut config.field.outer] {
+            volume.encoding = EncodingConfig::Frequency { bands: 2 };
+        }
+        config.field.sampling.inner_grid = 8;
+        config.field.sampling.outer_grid = 8;
+        config.style.patch = patch;
+        config.style.patch_uses = 3;
+        config.style.pool = 2;
+        let field = Field::new(config.field.clone());
+        let (mut rng, device) = (Pcg64::seed_from_u64(1), Device::flex());
+        let frozen = Frozen {
+            weights: field.init(&mut rng, &device),
+            grids: field.grids(1.0, None),
+            photo_app: Appearance::init(config.photo_app, field.features(), &mut rng, &device),
+        };
+        PatchPool::new((&config.style, &config.style_app), field, frozen, photos)
+    }
+
+    #[test]
+    fn patches_are_used_several_times_and_replaced() {
+        let vgg = Perceptual::vgg16().unwrap();
+        let mut rng = Pcg64::seed_from_u64(2);
+        let mut pool = pool(vec![photo(0.0, 0.0), photo(0.1, 0.0)], [16, 16]);
+        let drawn: Vec<_> = (0..12)
+            .map(|_| pool.draw(&vgg, &mut rng).unwrap())
+            .collect();
+        assert_eq!(pool.made, 4, "one of three draws makes a patch");
+        assert_eq!(pool.kept.len(), 2, "of which the pool keeps two");
+        assert!(
+            Arc::ptr_eq(&drawn[0], &drawn[1]) && Arc::ptr_eq(&drawn[0], &drawn[2]),
+            "until the second is due there is one patch"
+        );
+        assert!(!Arc::ptr_eq(&drawn[2], &drawn[3]));
+        assert_eq!(drawn[0].pixels.len(), 16 * 16 * 3);
+        assert!(drawn[0].pixels.iter().all(|x| (0.0..=1.0).contains(x)));
+    }
+
+    #[test]
+    fn a_photo_smaller_than_a_patch_is_refused() {
+        let vgg = Perceptual::vgg16().unwrap();
+        let mut pool = pool(vec![photo(0.0, 0.0)], [32, 16]);
+        let error = pool.draw(&vgg, &mut Pcg64::seed_from_u64(3)).unwrap_err();
+        assert!(
+            matches!(error, StyleError::TooSmall { least: 32, .. }),
+            "{error}"
+        );
+    }
+}

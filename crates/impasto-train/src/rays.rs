@@ -207,23 +207,28 @@ pub fn draw(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use impasto_scene::{Distortion, Intrinsics};
 
     fn camera(at: DVec3, yaw: f64) -> CameraRays {
+        sized_camera(at, yaw, [8, 6])
+    }
+
+    /// Rays of a camera that stands at `at`, turned by `yaw` from looking along +z.
+    pub(crate) fn sized_camera(at: DVec3, yaw: f64, [width, height]: [u32; 2]) -> CameraRays {
         let camera = Camera {
             camera_to_world: glam::DMat4::from_rotation_translation(
                 glam::DQuat::from_rotation_y(yaw),
                 at,
             ),
             intrinsics: Intrinsics {
-                width: 8,
-                height: 6,
+                width,
+                height,
                 fl_x: 10.0,
                 fl_y: 10.0,
-                cx: 4.0,
-                cy: 3.0,
+                cx: f64::from(width) / 2.0,
+                cy: f64::from(height) / 2.0,
                 distortion: Distortion::default(),
             },
         };

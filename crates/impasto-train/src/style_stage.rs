@@ -28,8 +28,8 @@ pub struct StyleModel {
 pub fn hypernetworks(field: &Field, config: &TrainConfig) -> [Hypernetwork; 2] {
     let features = field.features();
     [0, 1].map(|i| {
-        let app = config.style_app.spec(features[i], 3 + i);
-        Hypernetwork::new(StyleCode::LEN, config.style.hyper_width, &app)
+        let app = config.style_app.network(features[i], 3 + i);
+        Hypernetwork::new(StyleCode::LEN, config.style.hyper_width, app.layers())
     })
 }
 
@@ -47,6 +47,7 @@ impl StyleModel {
             inner: self.hyper[0].predict(&self.weights[0], &code),
             outer: self.hyper[1].predict(&self.weights[1], &code),
             canvas: self.canvas.clone(),
+            latent: None,
         }
     }
 }

@@ -250,3 +250,32 @@ fn interleaved(one: &[Job], other: &[Job]) -> Vec<Job> {
         .copied()
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+
+    #[test]
+    fn window_statistics_are_the_mean_over_windows_that_cover_the_picture() {
+        let vgg = Perceptual::vgg16().unwrap();
+        let square = paint(&Recipe::random(7), STYLE_SIDE, STYLE_SIDE);
+        let side = STYLE_SIDE as usize;
+        let whole = window_statistics(&vgg, &square, [side, 4 * side]).unwrap();
+        assert_eq!(whole, statistics(&vgg, &square).unwrap());
+
+        // 100 of 160 rows: two windows, from rows 0 and 60.
+        let found = window_statistics(&vgg, &square, [100, side]).unwrap();
+        let window = |top| {
+            let part = crop_imm(&square, 0, top, STYLE_SIDE, 100).to_image();
+            vgg.features(&picture(&part), 100, side).unwrap().statistics
+        };
+        let wanted = window(0).mixed(&window(60), 0.5);
+        assert!(found.distance(&wanted) < 1e-9);
+        assert!(
+            found.distance(&whole) > 1e-6,
+            "windows differ from the whole"
+        );
+    }
+}

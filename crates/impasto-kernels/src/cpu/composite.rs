@@ -45,20 +45,19 @@ impl CompositeLayout {
     }
 }
 
-/// Opacity of each sample, `1 − e^(−σδ)`.
-pub(crate) fn opacities(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
-    struct Opacities<'a>(&'a [f32], &'a [f32]);
-    impl WithSimd for Opacities<'_> {
+/// Share of light that each sample lets through, `e^(−σδ)`. What nearly nothing passes would lose
+/// most of its digits as `1 − opacity`, and gradients with it.
+pub(crate) fn transparencies(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
+    struct Transparencies<'a>(&'a [f32], &'a [f32]);
+    impl WithSimd for Transparencies<'_> {
         type Output = Vec<f32>;
         #[inline(always)]
         fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
             let pairs = self.0.iter().zip(self.1);
-            pairs
-                .map(|(delta, sigma)| 1.0 - exp(-sigma * delta))
-                .collect()
+            pairs.map(|(delta, sigma)| exp(-sigma * delta)).collect()
         }
     }
-    Arch::new().dispatch(Opacities(deltas, sigma))
+    Arch::new().dispatch(Transparencies(deltas, sigma))
 }
 
 /// Contribution of each sample, `(1 − e^(−σδ)) · T`.
@@ -67,13 +66,12 @@ pub(crate) fn opacities(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
 /// `sigma`: one non-negative density per sample; result: one weight per sample.
 pub fn weights(layout: &CompositeLayout, sigma: &[f32]) -> Vec<f32> {
     let mut weights = vec![0.0; sigma.len()];
-    let opacities = opacities(&layout.deltas, sigma);
+    let passed = transparencies(&layout.deltas, sigma);
     for span in &layout.rays {
         let mut transmittance = 1.0;
         for i in CompositeLayout::samples(span) {
-            let a = opacities[i];
-            weights[i] = a * transmittance;
-            transmittance *= 1.0 - a + TRANSMITTANCE_EPS;
+            weights[i] = (1.0 - passed[i]) * transmittance;
+            transmittance *= passed[i] + TRANSMITTANCE_EPS;
         }
     }
     weights
@@ -96,11 +94,11 @@ pub fn forward(
     check(layout, sigma, colours, channels);
     let width = CompositeLayout::outputs(channels);
     let mut out = vec![0.0; layout.rays.len() * width];
-    let opacities = opacities(&layout.deltas, sigma);
+    let passed = transparencies(&layout.deltas, sigma);
     out.par_chunks_mut(width)
         .with_min_len(64)
         .zip(&layout.rays)
-        .for_each(|(out, span)| ray_forward(layout, span, (&opacities, colours), channels, out));
+        .for_each(|(out, span)| ray_forward(layout, span, (&passed, colours), channels, out));
     out
 }
 
@@ -108,15 +106,15 @@ pub fn forward(
 pub(crate) fn ray_forward(
     layout: &CompositeLayout,
     span: &RaySpan,
-    (opacities, colours): (&[f32], &[f32]),
+    (passed, colours): (&[f32], &[f32]),
     channels: usize,
     out: &mut [f32],
 ) {
     let mut transmittance = 1.0;
     let (mut mass, mut moment) = (0.0f32, 0.0f32);
     for i in CompositeLayout::samples(span) {
-        let w = opacities[i] * transmittance;
-        transmittance *= 1.0 - opacities[i] + TRANSMITTANCE_EPS;
+        let w = (1.0 - passed[i]) * transmittance;
+        transmittance *= passed[i] + TRANSMITTANCE_EPS;
         for c in 0..channels {
             out[c] += w * colours[i * channels + c];
         }
@@ -153,22 +151,14 @@ pub fn backward(
     );
     let mut sigma_grad = vec![0.0; sigma.len()];
     let mut colour_grad = vec![0.0; colours.len()];
-    let opacities = &opacities(&layout.deltas, sigma);
+    let passed = &transparencies(&layout.deltas, sigma);
     split_by_ray(layout, &mut sigma_grad, &mut colour_grad, channels)
         .par_iter_mut()
         .zip(&layout.rays)
         .zip(grad.par_chunks_exact(width))
         .with_min_len(64)
         .for_each_init(Vec::new, |steps, ((out, span), grad)| {
-            ray_backward(
-                layout,
-                span,
-                (opacities, colours),
-                channels,
-                grad,
-                steps,
-                out,
-            );
+            ray_backward(layout, span, (passed, colours), channels, grad, steps, out);
         });
     (sigma_grad, colour_grad)
 }
@@ -223,7 +213,7 @@ fn split_by_ray<'a>(
 /// What the reverse sweep over one ray needs from the forward sweep.
 pub(crate) struct Step {
     index: usize,
-    alpha: f32,
+    passed: f32,
     transmittance: f32,
     weight: f32,
 }
@@ -232,7 +222,7 @@ pub(crate) struct Step {
 pub(crate) fn ray_backward(
     layout: &CompositeLayout,
     span: &RaySpan,
-    (opacities, colours): (&[f32], &[f32]),
+    (passed, colours): (&[f32], &[f32]),
     channels: usize,
     grad: &[f32],
     steps: &mut Vec<Step>,
@@ -242,15 +232,15 @@ pub(crate) fn ray_backward(
     let mut transmittance = 1.0;
     let (mut mass, mut moment) = (0.0f32, 0.0f32);
     for index in CompositeLayout::samples(span) {
-        let alpha = opacities[index];
-        let weight = alpha * transmittance;
+        let passed = passed[index];
+        let weight = (1.0 - passed) * transmittance;
         steps.push(Step {
             index,
-            alpha,
+            passed,
             transmittance,
             weight,
         });
-        transmittance *= 1.0 - alpha + TRANSMITTANCE_EPS;
+        transmittance *= passed + TRANSMITTANCE_EPS;
         mass += weight;
         moment += weight * layout.distances[index];
     }
@@ -278,9 +268,9 @@ pub(crate) fn ray_backward(
         let alpha_grad = step.transmittance * (weight_grad - behind);
         let delta = layout.deltas[i];
         // A huge last step saturates e^(−σδ) at 0; 0 · 1e10 must stay 0.
-        let slope = (1.0 - step.alpha) * delta;
+        let slope = step.passed * delta;
         out.sigma[at] = if slope > 0.0 { alpha_grad * slope } else { 0.0 };
-        behind = step.alpha * weight_grad + (1.0 - step.alpha + TRANSMITTANCE_EPS) * behind;
+        behind = (1.0 - step.passed) * weight_grad + (step.passed + TRANSMITTANCE_EPS) * behind;
     }
 }
 

@@ -312,7 +312,7 @@ impl PerceptualStack {
     /// folded into the first bias would be wrong at the image's border.
     ///
     /// # Panics
-    /// If there is no layer or neighbouring widths differ.
+    /// If there is no layer, the first one follows a pool, or neighbouring widths differ.
     pub fn new(layers: Vec<ConvLayer>, input_scale: f32, input_offset: [f32; 3]) -> Self {
         let mut channels = 3;
         for layer in &layers {
@@ -322,7 +322,10 @@ impl PerceptualStack {
             );
             channels = layer.forward.outputs;
         }
-        assert!(!layers.is_empty(), "a perceptual stack has layers");
+        assert!(
+            layers.first().is_some_and(|first| !first.pool_before),
+            "a perceptual stack has layers, the first of which sees the image itself"
+        );
         Self {
             layers,
             input_scale,
