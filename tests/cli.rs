@@ -148,12 +148,36 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
 }
 
 #[test]
+fn presets_are_described_and_the_paper_has_its_parameters() {
+    let folder = tempfile::tempdir().unwrap();
+    let paper = json_of(folder.path(), "info --preset paper");
+    assert_eq!(
+        (&paper["kind"], &paper["levels"]),
+        (&json!("preset"), &json!(2))
+    );
+    let parameters = &paper["parameters"];
+    for (key, count) in [
+        ("per_level", 340_680),
+        ("all_levels", 681_360),
+        ("hypernetwork_inner", 4_178_755),
+        ("hypernetwork_outer", 4_178_755),
+        ("hypernetworks", 16_715_020),
+    ] {
+        assert_eq!(parameters[key], json!(count), "{key}");
+    }
+    assert_eq!(
+        json_of(folder.path(), "info --preset fast")["levels"],
+        json!(1)
+    );
+}
+
+#[test]
 fn what_is_not_there_yet_is_said_plainly() {
     let folder = tempfile::tempdir().unwrap();
     refused(
         folder.path(),
         "train s -o m --preset paper",
-        &["later version", "fast"],
+        &["later version", "--stage geometry", "fast"],
     );
     refused(
         folder.path(),

@@ -9,29 +9,36 @@ use impasto::scene::{Format, LoadOptions, Scene, Split, load};
 use impasto_train::MODEL_FILE;
 use serde_json::{Map, Value, json};
 
+use super::train::Preset;
 use super::{Answer, CliError, to_json};
 
-/// Describe a capture or a model
+/// Describe a capture, a model or a preset
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// A capture's or a model's folder
-    #[arg(value_name = "SCENE|MODEL")]
-    path: PathBuf,
-    /// Format of the capture, where it should not be detected: colmap or transforms
+    #[arg(value_name = "SCENE|MODEL", required_unless_present = "preset")]
+    path: Option<PathBuf>,
+    /// Describe what this preset would train
+    #[arg(long, value_enum, conflicts_with = "path")]
+    preset: Option<Preset>,
+    /// Format of the capture, where it should not be detected: colmap, transforms, nerf++ or llff
     #[arg(long)]
     format: Option<Format>,
 }
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<Answer, CliError> {
-    let (kind, facts) = if is_model(&args.path) {
-        ("model", Model::load(&args.path)?.file.info())
-    } else {
-        let options = LoadOptions {
-            format: args.format,
-            ..LoadOptions::default()
-        };
-        ("scene", describe(&load(&args.path, &options)?))
+    let (kind, facts) = match (&args.preset, &args.path) {
+        (Some(preset), _) => ("preset", preset.config().info()),
+        (None, Some(path)) if is_model(path) => ("model", Model::load(path)?.file.info()),
+        (None, path) => {
+            let options = LoadOptions {
+                format: args.format,
+                ..LoadOptions::default()
+            };
+            let path = path.as_deref().unwrap_or(Path::new("."));
+            ("scene", describe(&load(path, &options)?))
+        }
     };
     let mut all = Map::new();
     all.insert("kind".into(), kind.into());

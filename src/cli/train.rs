@@ -33,7 +33,7 @@ pub struct TrainArgs {
     /// Shrink the photos this many times
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
-    /// Format of the capture, where it should not be detected: colmap or transforms
+    /// Format of the capture, where it should not be detected: colmap, transforms, nerf++ or llff
     #[arg(long)]
     format: Option<Format>,
     /// Start of the random numbers; the same seed and steps give the same model
@@ -57,12 +57,23 @@ enum StageArg {
     Style,
 }
 
+/// Sizes and schedules to start from.
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Preset {
+pub enum Preset {
     /// For a CPU: hash grids and small networks
     Fast,
-    /// The paper's architecture and schedule
+    /// The paper's architecture and schedule (so far its geometry stage)
     Paper,
+}
+
+impl Preset {
+    /// What it stands for.
+    pub fn config(self) -> TrainConfig {
+        match self {
+            Self::Fast => TrainConfig::fast(),
+            Self::Paper => TrainConfig::paper(),
+        }
+    }
 }
 
 /// How long to train.
@@ -91,13 +102,7 @@ impl BudgetArgs {
 
 /// Runs the command.
 pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
-    let preset = match args.preset {
-        Preset::Fast => TrainConfig::fast(),
-        Preset::Paper => {
-            let problem = "--preset paper comes with a later version; use --preset fast";
-            return Err(CliError::Refused(problem.into()));
-        }
-    };
+    let preset = args.preset.config();
     let options = TrainOptions {
         scene: args.scene.clone(),
         output: args.output.clone(),

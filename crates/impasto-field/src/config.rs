@@ -136,6 +136,16 @@ pub struct SamplingConfig {
     pub near: f32,
 }
 
+/// The paper's cascade: a field of its own says where the samples of the field are to be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CascadeConfig {
+    /// Samples a ray in either volume, spread evenly, for the first field.
+    pub first: usize,
+    /// Samples a ray in either volume that the second field gets beside those.
+    pub more: usize,
+}
+
 /// The whole field.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -146,4 +156,17 @@ pub struct FieldConfig {
     pub outer: VolumeConfig,
     /// Sampling.
     pub sampling: SamplingConfig,
+    /// Replaces sampling by density grids, but for its `near`.
+    #[serde(default)]
+    pub cascade: Option<CascadeConfig>,
+}
+
+impl FieldConfig {
+    /// Samples a ray that have to be looked at, in both volumes together.
+    pub fn samples(&self) -> usize {
+        match &self.cascade {
+            None => self.sampling.samples,
+            Some(cascade) => 2 * (2 * cascade.first + cascade.more),
+        }
+    }
 }

@@ -29,6 +29,8 @@ pub struct FieldWeights {
     pub inner: BranchWeights,
     /// Beyond.
     pub outer: BranchWeights,
+    /// The cascade's first field, of the same sizes, where there is a cascade.
+    pub coarse: Option<Box<FieldWeights>>,
 }
 
 /// Where in space light is to be expected.
@@ -71,6 +73,15 @@ impl Field {
 
     /// Random weights.
     pub fn init(&self, rng: &mut Pcg64, device: &Device) -> FieldWeights {
+        let cascade = self.config.cascade.is_some();
+        let coarse = cascade.then(|| Box::new(self.init_level(rng, device)));
+        FieldWeights {
+            coarse,
+            ..self.init_level(rng, device)
+        }
+    }
+
+    fn init_level(&self, rng: &mut Pcg64, device: &Device) -> FieldWeights {
         let latent = self.inner.latent().map(|length| {
             // Of length one at first, however long.
             let size = (3.0 / length as f32).sqrt();
@@ -80,6 +91,7 @@ impl Field {
         FieldWeights {
             inner: self.inner.init(rng, device, latent.clone()),
             outer: self.outer.init(rng, device, latent),
+            coarse: None,
         }
     }
 

@@ -26,7 +26,9 @@ mod surface;
 
 pub use appearance::{Appearance, AppearanceConfig, Canvas, Shading};
 pub use branch::{Branch, BranchWeights};
-pub use config::{DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig};
+pub use config::{
+    CascadeConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig,
+};
 pub use field::{Field, FieldWeights, Grids, Visible};
 pub use network::{AppNetwork, Trunk};
 pub use render::{Geometry, RenderedRays, prepare_rays, render_rays};

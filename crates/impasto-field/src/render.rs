@@ -3,7 +3,7 @@
 use crate::appearance::{Appearance, AppearanceConfig, Shading, shade};
 use crate::encoding::matrix;
 use crate::field::{Field, FieldWeights, Grids};
-use crate::sampling::{RayBatch, Samples, march};
+use crate::sampling::{RayBatch, Samples, cascade, march};
 use burn::tensor::Tensor;
 use impasto_kernels::cpu::composite;
 use impasto_kernels::{CompositeLayout, ops};
@@ -80,9 +80,43 @@ impl Geometry {
 const MOST_DROPPED: f32 = 0.02;
 
 impl Field {
-    /// Samples of rays; see [`march`].
+    /// Samples of rays: where density grids expect light, or the first ones of a cascade.
     pub fn sample(&self, rays: &RayBatch, grids: &Grids, seed: Option<u64>) -> Samples {
-        march(rays, &self.config.sampling, grids, seed)
+        match &self.config.cascade {
+            None => march(rays, &self.config.sampling, grids, seed),
+            Some(cascade) => cascade::first(rays, cascade, self.config.sampling.near, seed),
+        }
+    }
+
+    /// The cascade's second samples, given the densities of its first ones; the same samples where
+    /// there is no cascade.
+    pub fn refine(
+        &self,
+        rays: &RayBatch,
+        first: Samples,
+        densities: &[f32],
+        seed: Option<u64>,
+    ) -> Samples {
+        match &self.config.cascade {
+            None => first,
+            Some(cascade) => cascade::refined(rays, &first, densities, cascade, seed),
+        }
+    }
+
+    /// Features and densities of the samples of rays, the first field's word included.
+    pub fn look(
+        &self,
+        weights: &FieldWeights,
+        rays: &RayBatch,
+        grids: &Grids,
+        seed: Option<u64>,
+    ) -> Geometry {
+        let mut samples = self.sample(rays, grids, seed);
+        if let Some(coarse) = &weights.coarse {
+            let densities = host(self.geometry(coarse, samples.clone()).density);
+            samples = self.refine(rays, samples, &densities, seed);
+        }
+        self.geometry(weights, samples)
     }
 
     /// Features and densities of samples.
@@ -308,8 +342,8 @@ pub fn prepare_rays(
     let parts: Vec<(Geometry, Tensor<2>)> = chunks(rays)
         .map(|(chunk, rays)| {
             let seed = seed.wrapping_add(chunk as u64);
-            let samples = field.sample(&rays, grids, Some(seed));
-            let geometry = field.geometry(weights, samples).contributing(least);
+            let geometry = field.look(weights, &rays, grids, Some(seed));
+            let geometry = geometry.contributing(least);
             let colours = geometry.clone().prepared(&photo.config).composite(photo);
             (geometry.prepared(app), colours)
         })
@@ -325,7 +359,7 @@ fn render_chunk(
     appearances: &[&Appearance],
     rays: &RayBatch,
 ) -> RenderedRays {
-    let geometry = field.geometry(weights, field.sample(rays, grids, None));
+    let geometry = field.look(weights, rays, grids, None);
     let light = geometry.weights();
     let depth = geometry.median_depth(&light);
     let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);

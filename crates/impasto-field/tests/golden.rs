@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use impasto_field::encoding::frequencies;
+use impasto_field::sampling::cascade::resample;
 use impasto_field::sphere::{exit, outer_point};
 use safetensors::SafeTensors;
 
@@ -79,4 +80,18 @@ fn sphere_agrees() {
             .collect()
     };
     assert!(difference(&finite(&depths), &finite(&truth)) < 1e-4);
+}
+
+#[test]
+fn resampling_agrees() {
+    let bytes = read("sample_pdf");
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let (edges, weights) = (floats(&file, "bins"), floats(&file, "weights"));
+    let rows = edges.chunks_exact(63).zip(weights.chunks_exact(62));
+    let shares = || (0..128).map(|i| i as f32 / 127.0);
+    let ours: Vec<f32> = rows
+        .flat_map(|(edges, weights)| resample(edges, weights, shares()))
+        .collect();
+    let error = difference(&ours, &floats(&file, "samples_deterministic_128"));
+    assert!(error < 1e-5, "{error:e}");
 }

@@ -1,12 +1,13 @@
 //! Where samples go, and what light does with them.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use impasto_field::loss::Wanted;
 use impasto_field::sphere::{self, from_outer_cube, outer_cube, outer_point};
 use impasto_field::{
-    Appearance, AppearanceConfig, DensityActivation, EncodingConfig, Field, FieldConfig, RayBatch,
-    SamplingConfig, Shading, VolumeConfig, prepare_rays, render::host, render_rays, sampling,
+    Appearance, AppearanceConfig, BranchWeights, CascadeConfig, DensityActivation, EncodingConfig,
+    Field, FieldConfig, FieldWeights, RayBatch, SamplingConfig, Shading, VolumeConfig,
+    prepare_rays, render::host, render_rays, sampling,
 };
 use impasto_kernels::DensityGrid;
 use rand::SeedableRng;
@@ -32,6 +33,7 @@ fn config(encoding: &EncodingConfig) -> FieldConfig {
             outer_grid: 64,
             near: 0.05,
         },
+        cascade: None,
     }
 }
 
@@ -387,4 +389,146 @@ fn poisoned_rays_take_no_inner_samples() {
     assert!(samples.inner.is_empty());
     assert_eq!(samples.layout.rays.len(), 3);
     assert!((0.0..=1.0).contains(&sampling::contracted_distance(1e9)));
+}
+
+fn cascade() -> Field {
+    let mut sizes = config(&EncodingConfig::Frequency { bands: 2 });
+    sizes.cascade = Some(CascadeConfig {
+        first: 32,
+        more: 64,
+    });
+    Field::new(sizes)
+}
+
+#[test]
+fn a_cascade_spreads_its_first_samples_from_near_to_infinity() {
+    let field = cascade();
+    let grids = field.grids(0.0, None);
+    for seed in [None, Some(3)] {
+        let samples = field.sample(&rays(), &grids, seed);
+        for (i, span) in samples.layout.rays.iter().enumerate() {
+            assert_eq!((span.inner.len(), span.outer.len()), (32, 32));
+            let (o, d) = (rays().origins[i], rays().directions[i]);
+            let far = sphere::exit(o, d).unwrap();
+            let depths = &samples.layout.depths[span.inner.clone()];
+            assert!(depths.windows(2).all(|d| d[0] < d[1]));
+            assert!(depths[0] >= 0.05 && depths[31] <= far * (1.0 + 1e-6));
+            if seed.is_none() {
+                assert!((depths[0] - 0.05).abs() < 1e-6 && (depths[31] - far).abs() < 1e-5);
+            }
+            let steps = &samples.layout.deltas[span.inner.clone()];
+            let length = sphere::dot(d, d).sqrt();
+            let whole = (far - depths[0]) * length;
+            assert!((steps.iter().sum::<f32>() - whole).abs() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn a_cascade_puts_more_samples_where_the_light_is() {
+    let field = cascade();
+    let grids = field.grids(0.0, None);
+    for seed in [None, Some(5)] {
+        let first = field.sample(&rays(), &grids, seed);
+        let split = first.inner.len();
+        let (points, _) = first.outer.raw.as_chunks::<4>();
+        // A wall 0.6 away inside, seen by the first ray alone; a shell at 1/r = 0.2 outside, which
+        // mirrored weights would send to 0.8.
+        let wall = |t: f32, ray: usize| ray == 0 && (0.55..0.65).contains(&t);
+        let mut densities = vec![0.0; first.len()];
+        for (ray, span) in first.layout.rays.iter().enumerate() {
+            for i in span.inner.clone() {
+                let there = wall(first.layout.depths[i], ray);
+                densities[i] = if there { 1e3 } else { 0.0 };
+            }
+            for i in span.outer.clone() {
+                let there = (points[i - split][3] - 0.2).abs() < 0.03;
+                densities[i] = if there { 1e3 } else { 0.0 };
+            }
+        }
+        let refined = field.refine(&rays(), first, &densities, seed);
+        let split = refined.inner.len();
+        let (points, _) = refined.outer.raw.as_chunks::<4>();
+        for (ray, span) in refined.layout.rays.iter().enumerate() {
+            assert_eq!((span.inner.len(), span.outer.len()), (96, 96));
+            let near = |s: f32, to: f32| (s - to).abs() < 0.08;
+            let outer = || span.outer.clone().map(|i| points[i - split][3]);
+            let shell = outer().filter(|s| near(*s, 0.2)).count();
+            assert!(
+                shell > 60,
+                "{shell} of 96 samples of ray {ray} are at the shell"
+            );
+            assert!(outer().collect::<Vec<_>>().windows(2).all(|s| s[0] >= s[1]));
+            let depths = &refined.layout.depths[span.inner.clone()];
+            assert!(depths.windows(2).all(|d| d[0] <= d[1]));
+            let inside = depths.iter().filter(|t| near(**t, 0.6)).count();
+            assert_eq!(inside > 60, ray == 0, "{inside} of ray {ray} at the wall");
+        }
+    }
+}
+
+#[test]
+fn poisoned_densities_leave_a_cascade_finite_places() {
+    let field = cascade();
+    let first = field.sample(&rays(), &field.grids(0.0, None), None);
+    let densities = vec![f32::NAN; first.len()];
+    let refined = field.refine(&rays(), first, &densities, None);
+    assert!(refined.outer.raw.iter().all(|x| x.is_finite()));
+    assert!(refined.inner.raw.iter().all(|x| x.is_finite()));
+}
+
+#[test]
+fn the_gradients_of_parts_of_the_rays_add_up() {
+    let device = Device::flex();
+    let field = Field::new(config(&hash_grid()));
+    let mut rng = Pcg64::seed_from_u64(6);
+    let weights = field.init(&mut rng, &device);
+    let settings = AppearanceConfig {
+        canvas: None,
+        ..app()
+    };
+    let photo = Appearance::init(settings, field.features(), &mut rng, &device);
+    let rays = many_rays();
+    let samples = field.sample(&rays, &field.grids(1.0, None), Some(1));
+    let all = rays.len();
+    let gradient = |turn: usize| {
+        let mut sum = vec![0.0; host(weights.outer.base.clone()).len()];
+        let base = Tensor::from_inner(weights.outer.base.clone()).require_grad();
+        let lift = |t: &Tensor<1>| Tensor::from_inner(t.clone());
+        let branch = |w: &BranchWeights, base: Tensor<1>| BranchWeights {
+            encoding: lift(&w.encoding),
+            base,
+            geo: lift(&w.geo),
+            latent: None,
+        };
+        let tracked = FieldWeights {
+            inner: branch(&weights.inner, lift(&weights.inner.base)),
+            outer: branch(&weights.outer, base.clone()),
+            coarse: None,
+        };
+        let photo = Appearance {
+            inner: lift(&photo.inner),
+            outer: lift(&photo.outer),
+            ..photo.clone()
+        };
+        for start in (0..all).step_by(turn) {
+            let part = start..(start + turn).min(all);
+            let wanted = Wanted {
+                colours: vec![0.3; 3 * part.len()],
+                depth: 0.2,
+                distortion: 0.1,
+            };
+            let share = part.len() as f32 / all as f32;
+            let loss = field.loss(&tracked, &photo, &samples.of_rays(part), wanted);
+            let gradients = loss.slice_dim(0, 0..1).backward();
+            let own = host(base.grad(&gradients).unwrap());
+            sum.iter_mut().zip(own).for_each(|(s, g)| *s += share * g);
+        }
+        sum
+    };
+    let (whole, parts) = (gradient(all), gradient(77));
+    let norm = |of: &mut dyn Iterator<Item = f32>| of.map(|x| x * x).sum::<f32>().sqrt();
+    let size = norm(&mut whole.iter().copied());
+    let error = norm(&mut whole.iter().zip(&parts).map(|(a, b)| a - b));
+    assert!(size > 0.0 && error < 1e-5 * size, "{error:e} of {size:e}");
 }

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::error::SceneError;
+use crate::readers::llff::POSES;
 use crate::scene::Split;
 
 /// A capture format.
@@ -17,6 +18,11 @@ pub enum Format {
     Colmap,
     /// `transforms.json` of instant-ngp or nerfstudio, or Blender's `transforms_*.json`.
     Transforms,
+    /// NeRF++ folders: `{train,test}/{intrinsics,pose,rgb}`.
+    #[serde(rename = "nerf++")]
+    NerfPlusPlus,
+    /// LLFF's `poses_bounds.npy` with its photos.
+    Llff,
 }
 
 impl fmt::Display for Format {
@@ -24,6 +30,8 @@ impl fmt::Display for Format {
         f.write_str(match self {
             Self::Colmap => "colmap",
             Self::Transforms => "transforms",
+            Self::NerfPlusPlus => "nerf++",
+            Self::Llff => "llff",
         })
     }
 }
@@ -36,8 +44,10 @@ impl FromStr for Format {
         match name {
             "colmap" => Ok(Self::Colmap),
             "transforms" => Ok(Self::Transforms),
+            "nerf++" => Ok(Self::NerfPlusPlus),
+            "llff" => Ok(Self::Llff),
             _ => Err(format!(
-                "unknown capture format \"{name}\"; use colmap or transforms"
+                "unknown capture format \"{name}\"; use colmap, transforms, nerf++ or llff"
             )),
         }
     }
@@ -52,20 +62,32 @@ pub(crate) enum Located {
     Transforms {
         files: Vec<(PathBuf, Option<Split>)>,
     },
+    /// Folder of `train/` and the others.
+    NerfPlusPlus { root: PathBuf },
+    /// Folder of `poses_bounds.npy`.
+    Llff { root: PathBuf },
+}
+
+impl Located {
+    pub(crate) fn format(&self) -> Format {
+        match self {
+            Self::Colmap { .. } => Format::Colmap,
+            Self::Transforms { .. } => Format::Transforms,
+            Self::NerfPlusPlus { .. } => Format::NerfPlusPlus,
+            Self::Llff { .. } => Format::Llff,
+        }
+    }
 }
 
 /// The format of the capture at `path` (a folder, or a transforms file).
 ///
-/// A folder with both a COLMAP model and `transforms.json` is COLMAP's, because that model has
+/// A folder with a COLMAP model and another description is COLMAP's, because that model has
 /// sparse points as well.
 ///
 /// # Errors
 /// A missing path, or a folder in which nothing known is found.
 pub fn detect(path: &Path) -> Result<Format, SceneError> {
-    Ok(match locate(path, None)? {
-        Located::Colmap { .. } => Format::Colmap,
-        Located::Transforms { .. } => Format::Transforms,
-    })
+    Ok(locate(path, None)?.format())
 }
 
 /// Finds the files of a capture, of the given format or of whichever is there.
@@ -78,7 +100,12 @@ pub(crate) fn locate(path: &Path, format: Option<Format>) -> Result<Located, Sce
     let found = match format {
         Some(Format::Colmap) => colmap(path),
         Some(Format::Transforms) => transforms(path),
-        None => colmap(path).or_else(|| transforms(path)),
+        Some(Format::NerfPlusPlus) => nerf_plus_plus(path),
+        Some(Format::Llff) => llff(path),
+        None => colmap(path)
+            .or_else(|| transforms(path))
+            .or_else(|| nerf_plus_plus(path))
+            .or_else(|| llff(path)),
     };
     match found {
         Some(found) => Ok(found),
@@ -127,6 +154,21 @@ fn transforms(path: &Path) -> Option<Located> {
         files.push((test, Some(Split::Test)));
     }
     Some(Located::Transforms { files })
+}
+
+fn nerf_plus_plus(path: &Path) -> Option<Located> {
+    ["pose", "intrinsics", "rgb"]
+        .iter()
+        .all(|part| path.join("train").join(part).is_dir())
+        .then(|| Located::NerfPlusPlus {
+            root: path.to_owned(),
+        })
+}
+
+fn llff(path: &Path) -> Option<Located> {
+    path.join(POSES).is_file().then(|| Located::Llff {
+        root: path.to_owned(),
+    })
 }
 
 /// Describes a path in which no capture was found.

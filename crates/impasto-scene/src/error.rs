@@ -14,8 +14,9 @@ pub enum SceneError {
     },
     /// Nothing that any reader understands is there.
     #[error(
-        "{}: {found}. Supported captures: a COLMAP model (sparse/0/*.bin or *.txt, with images/) \
-         and transforms.json (instant-ngp, nerfstudio) or transforms_train.json (Blender)",
+        "{}: {found}. Supported captures: a COLMAP model (sparse/0/*.bin or *.txt, with images/), \
+         transforms.json (instant-ngp, nerfstudio) or transforms_train.json (Blender), NeRF++ \
+         folders (train/pose, train/intrinsics, train/rgb) and LLFF's poses_bounds.npy",
         path.display()
     )]
     Unrecognised {

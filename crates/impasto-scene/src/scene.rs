@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
-use crate::detect::{self, Format, Located};
+use crate::detect::{self, Format};
 use crate::error::SceneError;
 use crate::normalise::Normalisation;
 use crate::photo;
@@ -140,7 +140,7 @@ impl Default for LoadOptions {
 /// Loads a capture: reads poses, normalises them, decodes all photos in parallel.
 ///
 /// The split is the format's own when it names both train and test photos (Blender's two files,
-/// nerfstudio's lists); else every 8th photo in name order, beginning with the first, is a test
+/// NeRF++'s folders, nerfstudio's lists); else every 8th photo in name order, beginning with the first, is a test
 /// photo. A photo of another size than its camera's but of the same shape (within 1 %) is
 /// accepted and the camera rescaled.
 ///
@@ -186,10 +186,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
         .collect();
     Ok(Scene {
         name: folder_name(path),
-        format: match located {
-            Located::Colmap { .. } => Format::Colmap,
-            Located::Transforms { .. } => Format::Transforms,
-        },
+        format: located.format(),
         photos,
         points,
         normalisation,

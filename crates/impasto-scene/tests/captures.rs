@@ -1,14 +1,19 @@
 //! Hand-made captures of every supported form load to what they say.
 
+#![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+
 mod common;
 
 use std::f64::consts::TAU;
 use std::fs;
+use std::path::Path;
 
 use common::*;
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use impasto_scene::builtin::{self, BuiltinOptions, write_capture};
-use impasto_scene::{Camera, Distortion, Format, LoadOptions, Scene, Split, detect, load};
+use impasto_scene::{
+    Camera, Distortion, Format, LoadOptions, Scene, Split, detect, load, nerf_plus_plus_path, npy,
+};
 use serde_json::json;
 
 const WHOLE: LoadOptions = LoadOptions {
@@ -273,6 +278,117 @@ fn blender_with_two_files_an_angle_and_no_endings() {
     assert_cameras(&scene, &cameras);
     assert_eq!(scene.test().count(), 3);
     assert_eq!(scene.train().count(), 7);
+}
+
+/// A matrix as NeRF++ writes it: row by row.
+fn text_matrix(matrix: DMat4) -> String {
+    let rows = matrix.transpose().to_cols_array();
+    rows.map(|x| x.to_string()).join(" ")
+}
+
+/// Writes views as NeRF++ folders.
+fn write_nerf_plus_plus(folder: &Path, cameras: &[Camera]) {
+    for part in ["pose", "intrinsics", "rgb"] {
+        fs::create_dir_all(folder.join(part)).unwrap();
+    }
+    for (i, camera) in cameras.iter().enumerate() {
+        let k = camera.intrinsics;
+        let lens = DMat4::from_cols_array(&[
+            k.fl_x, 0.0, 0.0, 0.0, 0.0, k.fl_y, 0.0, 0.0, k.cx, k.cy, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0,
+        ]);
+        let text = format!("{i:05}.txt");
+        fs::write(
+            folder.join("pose").join(&text),
+            text_matrix(camera.camera_to_world),
+        )
+        .unwrap();
+        fs::write(folder.join("intrinsics").join(&text), text_matrix(lens)).unwrap();
+        let photo = folder.join("rgb").join(format!("{i:05}.png"));
+        picture(k.width, k.height).save(photo).unwrap();
+    }
+}
+
+#[test]
+fn nerf_plus_plus_folders_with_a_camera_path() {
+    let dir = tempfile::tempdir().unwrap();
+    let cameras = full_ring();
+    write_nerf_plus_plus(&dir.path().join("test"), &cameras[..3]);
+    write_nerf_plus_plus(&dir.path().join("train"), &cameras[3..]);
+    write_nerf_plus_plus(&dir.path().join("validation"), &cameras[..2]);
+    // Without photos.
+    write_nerf_plus_plus(&dir.path().join("camera_path"), &cameras);
+    fs::remove_dir_all(dir.path().join("camera_path/rgb")).unwrap();
+    let path = nerf_plus_plus_path(&dir.path().join("camera_path")).unwrap();
+    assert_eq!(path.len(), 10);
+    assert!(
+        path[4]
+            .camera_to_world
+            .abs_diff_eq(cameras[4].camera_to_world, 1e-9)
+    );
+    // The axis meets the hand-made photos at 31, 18.
+    assert_eq!(
+        (path[4].intrinsics.width, path[4].intrinsics.height),
+        (62, 36)
+    );
+    let scene = load(dir.path(), &WHOLE).unwrap();
+    assert_eq!(scene.format, Format::NerfPlusPlus);
+    assert_cameras(&scene, &cameras);
+    assert_eq!(scene.test().count(), 3);
+    assert_eq!(scene.photos[3].name, "train/rgb/00000.png");
+    // Without a test folder, `validation` is held out.
+    fs::remove_dir_all(dir.path().join("test")).unwrap();
+    let scene = load(dir.path(), &WHOLE).unwrap();
+    assert_eq!((scene.test().count(), scene.train().count()), (2, 7));
+}
+
+/// `poses_bounds.npy` of cameras whose photos are of `size`.
+fn poses_bounds(cameras: &[Camera], size: (u32, u32)) -> Vec<u8> {
+    let mut numbers = Vec::new();
+    for camera in cameras {
+        let m = camera.camera_to_world;
+        let lens = [f64::from(size.1), f64::from(size.0), camera.intrinsics.fl_x];
+        for (row, lens) in lens.iter().enumerate() {
+            let columns = [
+                m.y_axis[row],
+                m.x_axis[row],
+                -m.z_axis[row],
+                m.w_axis[row],
+                *lens,
+            ];
+            numbers.extend(columns.map(|x| x as f32));
+        }
+        numbers.extend([0.1, 9.0]);
+    }
+    npy::encode(&numbers, 17, cameras.len() as u32)
+}
+
+#[test]
+fn llff_with_photos_of_half_the_size() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut cameras = full_ring();
+    for camera in &mut cameras {
+        let k = &mut camera.intrinsics;
+        (k.fl_y, k.cx, k.cy) = (k.fl_x, 30.0, 20.0);
+    }
+    let mut stated = cameras.clone();
+    stated.iter_mut().for_each(|c| c.intrinsics.fl_x *= 2.0);
+    fs::write(
+        dir.path().join("poses_bounds.npy"),
+        poses_bounds(&stated, (120, 80)),
+    )
+    .unwrap();
+    let photos = dir.path().join("images_2");
+    fs::create_dir(&photos).unwrap();
+    for i in 0..10 {
+        picture(60, 40)
+            .save(photos.join(format!("{i:03}.JPG.png")))
+            .unwrap();
+    }
+    fs::write(photos.join("Thumbs.db"), "no photo").unwrap();
+    let scene = load(dir.path(), &WHOLE).unwrap();
+    assert_eq!(scene.format, Format::Llff);
+    assert_cameras(&scene, &cameras);
+    assert_eq!(scene.test().count(), 2);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use common::*;
-use impasto_scene::{Format, LoadOptions, load};
+use impasto_scene::{Format, LoadOptions, load, npy};
 use serde_json::{Value, json};
 
 /// The message that loading `path` fails with: one or two sentences on one line.
@@ -331,4 +331,90 @@ fn damaged_photos() {
     assert_says(&refusal(dir.path()), &["view 04.png", "40×60", "60×40"]);
     fs::remove_file(&photo).unwrap();
     assert_says(&refusal(dir.path()), &["view 04.png", "missing"]);
+}
+
+#[test]
+fn nerf_plus_plus_views_that_do_not_match() {
+    let dir = tempfile::tempdir().unwrap();
+    let train = dir.path().join("train");
+    for part in ["pose", "intrinsics", "rgb"] {
+        fs::create_dir_all(train.join(part)).unwrap();
+    }
+    let unit = "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1";
+    let lens = "50 0 30 0  0 51 20 0  0 0 1 0  0 0 0 1";
+    picture(60, 40).save(train.join("rgb/a.png")).unwrap();
+    let (pose, intrinsics) = (train.join("pose/a.txt"), train.join("intrinsics/a.txt"));
+    fs::write(&pose, unit).unwrap();
+    assert_says(
+        &refusal(dir.path()),
+        &["train", "1 poses, 0 intrinsics and 1 photos", "one of each"],
+    );
+    fs::write(&intrinsics, lens).unwrap();
+    assert_says(&refusal(dir.path()), &["1 posed photo", "at least 2"]);
+    for (file, good, bad, parts) in [
+        (&pose, unit, "1 0 0", ["a.txt", "3 numbers"]),
+        (
+            &pose,
+            unit,
+            &unit.replacen('1', "x", 1),
+            ["number 1", "\"x\" is no number"],
+        ),
+        (
+            &pose,
+            unit,
+            &unit.replacen('1', "2", 1),
+            ["train/rgb/a.png", "not a rotation"],
+        ),
+        (
+            &pose,
+            unit,
+            &unit.replacen('1', "NaN", 1),
+            ["train/rgb/a.png", "NaN"],
+        ),
+        (
+            &intrinsics,
+            lens,
+            &lens.replacen("50 0", "50 9", 1),
+            ["a.txt", "skewed"],
+        ),
+        (
+            &intrinsics,
+            lens,
+            &lens.replacen("50", "0", 1),
+            ["a.txt", "intrinsics"],
+        ),
+    ] {
+        fs::write(file, bad).unwrap();
+        assert_says(&refusal(dir.path()), &parts);
+        fs::write(file, good).unwrap();
+    }
+}
+
+#[test]
+fn llff_poses_that_do_not_match() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::create_dir(dir.path().join("images")).unwrap();
+    picture(60, 40)
+        .save(dir.path().join("images/a.png"))
+        .unwrap();
+    let path = dir.path().join("poses_bounds.npy");
+    let row = [
+        0.0, 1.0, 0.0, 0.0, 40.0, 1.0, 0.0, 0.0, 0.0, 60.0, 0.0, 0.0, -1.0, 0.0, 50.0, 0.1, 9.0,
+    ];
+    for (bytes, parts) in [
+        (b"PK".to_vec(), ["poses_bounds.npy", "no NumPy file"]),
+        (npy::encode(&row[..16], 16, 1), ["[1, 16]", "views × 17"]),
+        (
+            npy::encode(&[row, row].concat(), 17, 2),
+            ["2 poses but 1 photos", "images/"],
+        ),
+        (
+            npy::encode(&[0.0; 17], 17, 1),
+            ["images/a.png", "not a rotation"],
+        ),
+        (npy::encode(&row, 17, 1), ["1 posed photo", "at least 2"]),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        assert_says(&refusal(dir.path()), &parts);
+    }
 }

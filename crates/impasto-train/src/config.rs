@@ -2,8 +2,8 @@
 
 use crate::TrainError;
 use impasto_field::{
-    AppearanceConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, Shading,
-    VolumeConfig,
+    AppearanceConfig, CascadeConfig, DensityActivation, EncodingConfig, FieldConfig,
+    SamplingConfig, Shading, VolumeConfig,
 };
 use impasto_style::PatchStrides;
 use serde::{Deserialize, Serialize};
@@ -16,6 +16,10 @@ pub struct GeometryConfig {
     pub samples: usize,
     /// Fewest and most rays a step.
     pub rays: [usize; 2],
+    /// Rays whose gradients are computed together. A step of more takes several turns: the same
+    /// gradients, in less memory.
+    #[serde(default = "rays_at_once")]
+    pub rays_at_once: usize,
     /// Learning rate of hash tables at the start.
     pub grid_rate: f32,
     /// Learning rate of networks at the start.
@@ -30,6 +34,10 @@ pub struct GeometryConfig {
     pub surface_share: f32,
     /// Steps between two looks at the density grids.
     pub grid_every: u64,
+}
+
+fn rays_at_once() -> usize {
+    8192
 }
 
 /// Style stage (PAPER §6–8).
@@ -130,6 +138,7 @@ impl TrainConfig {
                     outer_grid: 96,
                     near: 0.05,
                 },
+                cascade: None,
             },
             photo_app: AppearanceConfig {
                 hidden: vec![32, 32],
@@ -158,6 +167,7 @@ impl TrainConfig {
             geometry: GeometryConfig {
                 samples: 30_000,
                 rays: [512, 8192],
+                rays_at_once: rays_at_once(),
                 grid_rate: 3e-2,
                 network_rate: 1.2e-2,
                 final_rate: 0.1,
@@ -188,6 +198,83 @@ impl TrainConfig {
                 generated: 300,
             },
             geometry_share: 0.2,
+        }
+    }
+}
+
+impl TrainConfig {
+    /// The paper's architecture and schedule (PAPER §2–8), with what its published implementation
+    /// adds. Two levels of the cascade, each with its own networks.
+    pub fn paper() -> Self {
+        let fast = Self::fast();
+        let volume = VolumeConfig {
+            encoding: EncodingConfig::Frequency { bands: 10 },
+            base: vec![128; 5],
+            latent: Some(64),
+            geo: vec![64],
+            density: DensityActivation::Abs,
+        };
+        let app = AppearanceConfig {
+            hidden: vec![128, 128, 64],
+            layer_norm: false,
+            view_bands: Some(4),
+            canvas: None,
+            shading: Shading::Samples,
+            remap: true,
+            latent: Some(64),
+        };
+        let patch = [67, 81];
+        Self {
+            field: FieldConfig {
+                inner: volume.clone(),
+                outer: volume,
+                sampling: SamplingConfig {
+                    near: 1e-4,
+                    ..fast.field.sampling
+                },
+                cascade: Some(CascadeConfig {
+                    first: 64,
+                    more: 128,
+                }),
+            },
+            style_app: AppearanceConfig {
+                layer_norm: true,
+                latent: None,
+                ..app.clone()
+            },
+            photo_app: app,
+            geometry: GeometryConfig {
+                rays: [patch[0] * patch[1]; 2],
+                rays_at_once: 256,
+                grid_rate: 5e-4,
+                network_rate: 5e-4,
+                final_rate: 1.0,
+                distortion: 0.0,
+                surface: 0.0,
+                surface_share: 0.0,
+                ..fast.geometry
+            },
+            style: StyleConfig {
+                style_weight: 15.0,
+                photo_weight: 1.0,
+                palette_share: 0.0,
+                rate: 1e-3,
+                warm_up: 0,
+                final_rate: 1.0,
+                patch,
+                strides: PatchStrides::Paper,
+                supersampling: 1,
+                patch_uses: 1,
+                pool: 1,
+                least_weight: 0.0,
+                novel_views: 0.0,
+                hyper_width: 64,
+                virtual_share: 0.0,
+                generated: 0,
+                ..fast.style
+            },
+            // 250,000 of 350,000 steps.
+            geometry_share: 5.0 / 7.0,
         }
     }
 }
@@ -239,6 +326,7 @@ impl TrainConfig {
                 "[fewest, most], both at least 1",
             ),
             ("geometry.samples", g.samples >= 1, "at least 1"),
+            ("geometry.rays_at_once", g.rays_at_once >= 1, "at least 1"),
             ("geometry.surface_share", share(g.surface_share), "0 to 1"),
             ("geometry.grid_every", g.grid_every >= 1, "at least 1"),
             (
@@ -313,6 +401,14 @@ impl TrainConfig {
                 "field.sampling.near",
                 sampling.near >= 0.0 && sampling.near.is_finite(),
                 "finite, not negative",
+            ),
+            (
+                "field.cascade",
+                self.field
+                    .cascade
+                    .as_ref()
+                    .is_none_or(|c| (3..=4096).contains(&c.first) && (1..=4096).contains(&c.more)),
+                "first 3 to 4096, more 1 to 4096, or null",
             ),
             (
                 "photo_app.canvas",
@@ -429,6 +525,7 @@ mod tests {
     #[test]
     fn presets_are_valid() {
         TrainConfig::fast().validate().unwrap();
+        TrainConfig::paper().validate().unwrap();
     }
 
     #[test]

@@ -6,13 +6,15 @@ use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
 use burn::tensor::{Device, Tensor};
 use glam::{DVec3, DVec4, Vec4Swizzles};
 use impasto_field::{
-    Appearance, BranchWeights, Field, FieldWeights, Grids, Samples, Visible, contracted_distance,
-    loss::Wanted, render::host,
+    Appearance, AppearanceConfig, BranchWeights, Field, FieldWeights, Grids, Samples, Visible,
+    contracted_distance, loss::Wanted, render::host,
 };
 use impasto_kernels::ops::AdamParam;
 use impasto_scene::{Camera, Scene, Split};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Share of a grid's cells looked at, at each update: of all, and of those that hold something.
@@ -26,8 +28,8 @@ pub struct GeometryStage {
     config: GeometryConfig,
     photos: Vec<PhotoRays>,
     surfaces: Vec<KnownSurface>,
-    params: Params,
-    app: Appearance,
+    /// The field, after the first field of a cascade.
+    levels: Vec<Params>,
     grids: Grids,
     visible: Visible,
     rng: Pcg64,
@@ -48,6 +50,7 @@ pub struct StepReport {
 struct Params {
     branches: [[AdamParam; 3]; 2],
     app: [AdamParam; 2],
+    app_config: AppearanceConfig,
     latent: Option<AdamParam>,
 }
 
@@ -58,7 +61,20 @@ impl Params {
             latent: weights.inner.latent.clone().map(AdamParam::new),
             branches: [branch(weights.inner), branch(weights.outer)],
             app: [&app.inner, &app.outer].map(|w| AdamParam::new(w.clone())),
+            app_config: app.config.clone(),
         }
+    }
+
+    fn leaves(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> (FieldWeights, Appearance) {
+        let weights = self.weights(&leaf);
+        let app = Appearance {
+            config: self.app_config.clone(),
+            inner: leaf(&self.app[0]),
+            outer: leaf(&self.app[1]),
+            canvas: None,
+            latent: self.app_config.latent.and(weights.inner.latent.clone()),
+        };
+        (weights, app)
     }
 
     fn weights(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> FieldWeights {
@@ -72,15 +88,27 @@ impl Params {
         FieldWeights {
             inner: branch(&self.branches[0]),
             outer: branch(&self.branches[1]),
+            coarse: None,
         }
+    }
+
+    /// Every parameter, and whether it is an encoding's table.
+    fn all_mut(&mut self) -> impl Iterator<Item = (&mut AdamParam, bool)> {
+        let branches = self.branches.iter_mut();
+        let branches = branches.flat_map(|params| params.iter_mut().zip([true, false, false]));
+        let rest = self.app.iter_mut().chain(&mut self.latent);
+        branches.chain(rest.map(|param| (param, false)))
     }
 }
 
-/// One Adam step, where the loss depended on the parameter at all.
-fn descend_one(param: &mut AdamParam, grad: Option<Tensor<1>>, rate: f32, sparse: bool) {
-    if let Some(grad) = grad {
-        param.step(grad, rate, sparse);
-    }
+/// Leaves in the order of [`Params::all_mut`].
+fn in_order<'a>(weights: &'a FieldWeights, app: &'a Appearance) -> Vec<&'a Tensor<1>> {
+    let branches = [&weights.inner, &weights.outer].into_iter();
+    branches
+        .flat_map(|w| [&w.encoding, &w.base, &w.geo])
+        .chain([&app.inner, &app.outer])
+        .chain(&weights.inner.latent)
+        .collect()
 }
 
 impl GeometryStage {
@@ -88,13 +116,18 @@ impl GeometryStage {
     pub fn new(scene: &Scene, config: &TrainConfig, seed: u64, device: &Device) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed);
         let field = Field::new(config.field.clone());
-        let weights = field.init(&mut rng, device);
-        let app = Appearance::init(config.photo_app.clone(), field.features(), &mut rng, device);
+        let mut weights = field.init(&mut rng, device);
+        let mut params = |weights: FieldWeights| {
+            let app = config.photo_app.clone();
+            let app = Appearance::init(app, field.features(), &mut rng, device);
+            Params::new(weights, &app)
+        };
+        let coarse = weights.coarse.take().map(|coarse| params(*coarse));
+        let levels = coarse.into_iter().chain([params(weights)]).collect();
         let cameras = scene.cameras(Split::Train);
         let visible = field.visible(|point| seen_by_any(&cameras, point));
         Self {
-            params: Params::new(weights, &app),
-            app,
+            levels,
             grids: field.grids(FIRST_DENSITY, Some(&visible)),
             visible,
             config: config.geometry.clone(),
@@ -113,26 +146,21 @@ impl GeometryStage {
 
     /// Current weights, grids and photo appearance.
     pub fn snapshot(&self) -> (FieldWeights, Grids, Appearance) {
-        let (weights, app) = self.leaves(AdamParam::value);
-        (weights, self.grids.clone(), app)
-    }
-
-    fn leaves(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> (FieldWeights, Appearance) {
-        let weights = self.params.weights(&leaf);
-        let app = Appearance {
-            inner: leaf(&self.params.app[0]),
-            outer: leaf(&self.params.app[1]),
-            latent: self.app.config.latent.and(weights.inner.latent.clone()),
-            ..self.app.clone()
+        let mut levels = self.levels.iter().rev();
+        let fine = levels.next().map(|level| level.leaves(AdamParam::value));
+        let Some((mut weights, app)) = fine else {
+            unreachable!("there is always a field to train");
         };
-        (weights, app)
+        let coarse = levels.next().map(|level| level.weights(AdamParam::value));
+        weights.coarse = coarse.map(Box::new);
+        (weights, self.grids.clone(), app)
     }
 
     /// One optimiser step.
     pub fn step(&mut self, clock: &Clock) -> StepReport {
         let progress = clock.progress() as f32;
-        if self.step.is_multiple_of(self.config.grid_every) {
-            let weights = self.params.weights(AdamParam::value);
+        if self.guided() && self.step.is_multiple_of(self.config.grid_every) {
+            let weights = self.levels[0].weights(AdamParam::value);
             self.field.update_grids(
                 &mut self.grids,
                 &weights,
@@ -142,7 +170,7 @@ impl GeometryStage {
             );
         }
         let [fewest, most] = self.config.rays;
-        let per_ray = self.field.config.sampling.samples.max(1);
+        let per_ray = self.field.config.samples().max(1);
         let rays = (self.config.samples / per_ray).clamp(fewest, most);
         let known = if self.surfaces.is_empty() {
             0
@@ -157,53 +185,111 @@ impl GeometryStage {
         );
         let seed = self.rng.random();
         let mut samples = self.field.sample(&targets.rays, &self.grids, Some(seed));
-        measure_from_surfaces(&mut samples, &targets);
-        let fade = self.config.final_rate.powf(progress);
-        let loss = self.descend(&samples, &targets, fade, progress);
+        let mut loss = 0.0;
+        for level in 0..self.levels.len() {
+            let last = level + 1 == self.levels.len();
+            let depths = (!last).then(|| Arc::clone(&samples.layout));
+            measure_from_surfaces(&mut samples, &targets);
+            let found = self.descend(level, &samples, &targets, progress);
+            loss = found.error;
+            let densities = found.densities.concat();
+            if self.guided() {
+                self.grids.observe(&samples, &densities);
+            }
+            if let Some(depths) = depths {
+                samples.layout = depths;
+                let rays = &targets.rays;
+                samples = self.field.refine(rays, samples, &densities, Some(seed));
+            }
+        }
         self.step += 1;
         StepReport { loss, rays }
     }
 
-    fn descend(&mut self, samples: &Samples, targets: &Targets, fade: f32, progress: f32) -> f64 {
-        let (weights, app) = self.leaves(AdamParam::tracked);
-        let rays = targets.rays.len() as f32;
-        let known = targets.distances.iter().flatten().count().max(1) as f32;
-        let wanted = Wanted {
-            colours: targets.colours.clone(),
-            // Too early, the distortion measure freezes whatever haze there is.
-            distortion: self.config.distortion * (progress * 10.0).min(1.0),
-            depth: self.config.surface * (1.0 - progress).powi(2) * rays / known,
-        };
-        let loss = self.field.loss(&weights, &app, samples, wanted);
-        let numbers = host(loss.clone().inner());
-        let (&[_, error], densities) = numbers.split_at(2) else {
-            unreachable!("two numbers come before the densities");
-        };
-        self.grids.observe(samples, densities);
-        let mut gradients = loss.slice_dim(0, 0..1).backward();
-        let mut taken = |leaf: &Tensor<1>| leaf.grad_remove(&mut gradients);
-        let fields = [&weights.inner, &weights.outer];
-        let fields = fields.map(|w| [&w.encoding, &w.base, &w.geo].map(&mut taken));
-        let apps = [&app.inner, &app.outer].map(&mut taken);
-        let latent = weights.inner.latent.as_ref().and_then(&mut taken);
-        // Adam works in place only on what nobody else holds.
-        drop((weights, app));
-        let (grids, networks) = (
-            self.config.grid_rate * fade,
-            self.config.network_rate * fade,
-        );
-        for (params, grads) in self.params.branches.iter_mut().zip(fields) {
-            for (i, (param, grad)) in params.iter_mut().zip(grads).enumerate() {
-                descend_one(param, grad, if i == 0 { grids } else { networks }, i == 0);
+    /// Whether density grids say where samples are.
+    fn guided(&self) -> bool {
+        self.field.config.cascade.is_none()
+    }
+
+    /// Adam's step of one level.
+    fn descend(
+        &mut self,
+        level: usize,
+        samples: &Samples,
+        targets: &Targets,
+        progress: f32,
+    ) -> Found {
+        let (weights, app) = self.levels[level].leaves(AdamParam::tracked);
+        let leaves = in_order(&weights, &app);
+        let mut gradients: Vec<Option<Tensor<1>>> = vec![None; leaves.len()];
+        let mut found = Found::default();
+        let all = targets.rays.len();
+        for start in (0..all).step_by(self.config.rays_at_once) {
+            let rays = start..(start + self.config.rays_at_once).min(all);
+            let share = rays.len() as f32 / all as f32;
+            let part = match rays.len() == all {
+                true => Cow::Borrowed(samples),
+                false => Cow::Owned(samples.of_rays(rays.clone())),
+            };
+            let wanted = self.wanted(targets, rays, progress);
+            let loss = self.field.loss(&weights, &app, &part, wanted);
+            found.add(&host(loss.clone().inner()), part.inner.len(), share);
+            let loss = loss.slice_dim(0, 0..1);
+            let loss = if share < 1.0 { loss * share } else { loss };
+            let mut own = loss.backward();
+            for (sum, leaf) in gradients.iter_mut().zip(&leaves) {
+                *sum = match (sum.take(), leaf.grad_remove(&mut own)) {
+                    (Some(sum), Some(own)) => Some(sum + own),
+                    (sum, own) => sum.or(own),
+                };
             }
         }
-        for (param, grad) in self.params.app.iter_mut().zip(apps) {
-            descend_one(param, grad, networks, false);
+        // Adam works in place only on what nobody else holds.
+        drop((weights, app));
+        let fade = self.config.final_rate.powf(progress);
+        for ((param, table), grad) in self.levels[level].all_mut().zip(gradients) {
+            let rate = match table {
+                true => self.config.grid_rate,
+                false => self.config.network_rate,
+            };
+            // Not every loss depends on every parameter.
+            if let Some(grad) = grad {
+                param.step(grad, rate * fade, table);
+            }
         }
-        if let Some(param) = &mut self.params.latent {
-            descend_one(param, latent, networks, false);
+        found
+    }
+
+    /// What some of a step's rays should look like.
+    fn wanted(&self, targets: &Targets, rays: Range<usize>, progress: f32) -> Wanted {
+        let all = targets.rays.len() as f32;
+        let known = targets.distances.iter().flatten().count().max(1) as f32;
+        Wanted {
+            colours: targets.colours[rays.start * 3..rays.end * 3].to_vec(),
+            // Too early, the distortion measure freezes whatever haze there is.
+            distortion: self.config.distortion * (progress * 10.0).min(1.0),
+            depth: self.config.surface * (1.0 - progress).powi(2) * all / known,
         }
-        f64::from(error)
+    }
+}
+
+/// What a level's step saw.
+#[derive(Default)]
+struct Found {
+    /// Mean squared error of colours.
+    error: f64,
+    /// Densities of both volumes' samples.
+    densities: [Vec<f32>; 2],
+}
+
+impl Found {
+    /// Adds the loss of some rays, `share` of all, of which the first `inner` densities belong to
+    /// the inner volume.
+    fn add(&mut self, loss: &[f32], inner: usize, share: f32) {
+        self.error += f64::from(loss[1] * share);
+        let (near, far) = loss[2..].split_at(inner);
+        self.densities[0].extend(near);
+        self.densities[1].extend(far);
     }
 }
 

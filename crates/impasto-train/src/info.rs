@@ -1,12 +1,48 @@
 //! What a model file is, in numbers.
 
+use crate::config::TrainConfig;
 use crate::model_file::ModelFile;
+use crate::style_stage::hypernetworks;
 use burn::tensor::Tensor;
+use impasto_field::{Branch, EncodingConfig, Field};
 use impasto_scene::Split;
 use serde_json::{Value, json};
 
 fn count<'a>(tensors: impl IntoIterator<Item = &'a Tensor<1>>) -> usize {
     tensors.into_iter().map(|tensor| tensor.dims()[0]).sum()
+}
+
+impl TrainConfig {
+    /// Facts about a model of this configuration that is still to be trained: numbers of
+    /// parameters by level of the cascade, and the whole configuration.
+    pub fn info(&self) -> Value {
+        let field = Field::new(self.field.clone());
+        let levels = 1 + usize::from(self.field.cascade.is_some());
+        let branch = |branch: &Branch, encoding: &EncodingConfig| {
+            let app = self
+                .photo_app
+                .network(branch.features(), branch.dimensions());
+            let [_, base, geo] = branch.lengths();
+            let table = encoding.hash_grid().map_or(0, |grid| grid.params());
+            table + base + geo + app.params()
+        };
+        let level = branch(&field.inner, &self.field.inner.encoding)
+            + branch(&field.outer, &self.field.outer.encoding)
+            + self.field.inner.latent.unwrap_or(0);
+        let hypernetworks = hypernetworks(&field, self);
+        let hypernetworks = hypernetworks.map(|net| net.lengths().into_iter().sum::<usize>());
+        json!({
+            "levels": levels,
+            "parameters": {
+                "per_level": level,
+                "all_levels": levels * level,
+                "hypernetwork_inner": hypernetworks[0],
+                "hypernetwork_outer": hypernetworks[1],
+                "hypernetworks": levels * (hypernetworks[0] + hypernetworks[1]),
+            },
+            "config": self,
+        })
+    }
 }
 
 impl ModelFile {

@@ -116,6 +116,22 @@ fn levels(name: &str, grid: &DensityGrid) -> Entry {
 }
 
 const VOLUMES: [&str; 2] = ["inner", "outer"];
+/// What names of a cascade's first field begin with.
+const COARSE: &str = "coarse.";
+
+/// Both volumes of one field.
+fn level_entries(level: &str, weights: &FieldWeights) -> Vec<Entry> {
+    let latent = weights.inner.latent.iter();
+    let mut entries: Vec<Entry> = latent
+        .map(|z| floats(format!("{level}latent"), z))
+        .collect();
+    for (volume, w) in VOLUMES.iter().zip([&weights.inner, &weights.outer]) {
+        entries.push(floats(format!("{level}{volume}.encoding"), &w.encoding));
+        entries.push(floats(format!("{level}{volume}.base"), &w.base));
+        entries.push(floats(format!("{level}{volume}.geo"), &w.geo));
+    }
+    entries
+}
 
 impl ModelFile {
     fn entries(&self) -> Vec<Entry> {
@@ -123,16 +139,12 @@ impl ModelFile {
             levels("inner.grid", &self.grids.inner),
             levels("outer.grid", &self.grids.outer),
         ];
-        let latent = self.weights.inner.latent.iter();
-        entries.extend(latent.map(|z| floats("latent", z)));
-        let branches = [&self.weights.inner, &self.weights.outer];
-        let apps = [&self.photo_app.inner, &self.photo_app.outer];
-        for (volume, (w, app)) in VOLUMES.iter().zip(branches.into_iter().zip(apps)) {
-            entries.push(floats(format!("{volume}.encoding"), &w.encoding));
-            entries.push(floats(format!("{volume}.base"), &w.base));
-            entries.push(floats(format!("{volume}.geo"), &w.geo));
-            entries.push(floats(format!("{volume}.photo_app"), app));
+        entries.extend(level_entries("", &self.weights));
+        if let Some(coarse) = &self.weights.coarse {
+            entries.extend(level_entries(COARSE, coarse));
         }
+        entries.push(floats("inner.photo_app", &self.photo_app.inner));
+        entries.push(floats("outer.photo_app", &self.photo_app.outer));
         if let Some(style) = &self.style {
             for (volume, weights) in VOLUMES.iter().zip(&style.weights) {
                 let layers = weights.0.iter().enumerate();
@@ -281,21 +293,35 @@ impl Reader<'_> {
             .ok_or_else(|| format!("holds \"{name}\", which is no cube"))
     }
 
+    fn level(&self, level: &str, field: &Field) -> Result<FieldWeights, String> {
+        let latent = field.inner.latent();
+        let latent = latent.map(|n| self.floats(&format!("{level}latent"), n));
+        let latent = latent.transpose()?;
+        let branch = |volume: &str, lengths: [usize; 3]| -> Result<BranchWeights, String> {
+            let part = |name, length| self.floats(&format!("{level}{volume}.{name}"), length);
+            Ok(BranchWeights {
+                encoding: part("encoding", lengths[0])?,
+                base: part("base", lengths[1])?,
+                geo: part("geo", lengths[2])?,
+                latent: latent.clone(),
+            })
+        };
+        Ok(FieldWeights {
+            inner: branch("inner", field.inner.lengths())?,
+            outer: branch("outer", field.outer.lengths())?,
+            coarse: None,
+        })
+    }
+
     fn model(&self, header: Header) -> Result<ModelFile, String> {
         let config = header.config;
         config.validate().map_err(|e| e.to_string())?;
         let field = Field::new(config.field.clone());
         let features = field.features();
-        let latent = field.inner.latent();
-        let latent = latent.map(|n| self.floats("latent", n)).transpose()?;
-        let branch = |volume: &str, lengths: [usize; 3]| -> Result<BranchWeights, String> {
-            Ok(BranchWeights {
-                encoding: self.floats(&format!("{volume}.encoding"), lengths[0])?,
-                base: self.floats(&format!("{volume}.base"), lengths[1])?,
-                geo: self.floats(&format!("{volume}.geo"), lengths[2])?,
-                latent: latent.clone(),
-            })
-        };
+        let mut weights = self.level("", &field)?;
+        if config.field.cascade.is_some() {
+            weights.coarse = Some(Box::new(self.level(COARSE, &field)?));
+        }
         let photo_app = |i: usize| {
             self.floats(
                 &format!("{}.photo_app", VOLUMES[i]),
@@ -303,10 +329,6 @@ impl Reader<'_> {
             )
         };
         Ok(ModelFile {
-            weights: FieldWeights {
-                inner: branch("inner", field.inner.lengths())?,
-                outer: branch("outer", field.outer.lengths())?,
-            },
             grids: Grids {
                 inner: self.grid("inner.grid")?,
                 outer: self.grid("outer.grid")?,
@@ -316,8 +338,9 @@ impl Reader<'_> {
                 inner: photo_app(0)?,
                 outer: photo_app(1)?,
                 canvas: None,
-                latent: latent.clone(),
+                latent: config.photo_app.latent.and(weights.inner.latent.clone()),
             },
+            weights,
             style: self.style(&field, &config)?,
             config,
             scene: header.scene,

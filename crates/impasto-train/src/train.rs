@@ -105,6 +105,9 @@ pub fn train(
 ) -> Result<TrainSummary, TrainError> {
     let start = Instant::now();
     options.config.validate()?;
+    if options.stages == Stages::All {
+        check_styled(&options.config)?;
+    }
     let load = LoadOptions {
         downscale: options.downscale,
         format: options.format,
@@ -125,6 +128,7 @@ pub fn train(
     };
     if let Some(file) = &trained {
         check_same_scene(file, &scene)?;
+        check_styled(&file.config)?;
     }
     let mut log = Log::create(&options.output, sink)?;
     log.event(&loaded(&scene, &paintings));
@@ -210,6 +214,19 @@ fn check_sizes(scene: &Scene, options: &TrainOptions) -> Result<(), TrainError> 
         }),
         _ => Ok(()),
     }
+}
+
+/// The style stage knows nothing of a cascade's first field yet.
+fn check_styled(config: &TrainConfig) -> Result<(), TrainError> {
+    if config.field.cascade.is_none() {
+        return Ok(());
+    }
+    Err(TrainError::Setting {
+        key: "field.cascade".into(),
+        reason: "styles of a cascade come with a later version; use --stage geometry, or --preset \
+                 fast"
+            .into(),
+    })
 }
 
 /// A frozen field fits only the capture that it was made from: the same photos, split and poses.

@@ -244,6 +244,7 @@ fn field() -> Field {
             outer_grid: 1,
             near: 0.0,
         },
+        cascade: None,
     })
 }
 
@@ -262,6 +263,7 @@ fn field_weights(golden: &Golden) -> FieldWeights {
     FieldWeights {
         inner: branch("fg_net."),
         outer: branch("bg_net."),
+        coarse: None,
     }
 }
 

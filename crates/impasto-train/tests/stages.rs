@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use burn::tensor::Device;
-use impasto_field::{EncodingConfig, Field, Shading};
+use impasto_field::{
+    CascadeConfig, DensityActivation, EncodingConfig, Field, Shading, VolumeConfig,
+};
 use impasto_paintings::{Family, Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{LoadOptions, Scene, load, metrics};
@@ -34,6 +36,30 @@ fn small() -> TrainConfig {
     config.style.least_weight = 1e-2;
     config.style.warm_up = 10;
     config.style.rate = 1e-3;
+    config
+}
+
+/// The paper's architecture, much smaller.
+fn small_paper() -> TrainConfig {
+    let mut config = small();
+    for volume in [&mut config.field.inner, &mut config.field.outer] {
+        *volume = VolumeConfig {
+            encoding: EncodingConfig::Frequency { bands: 9 },
+            base: vec![48; 5],
+            latent: Some(8),
+            geo: vec![24],
+            density: DensityActivation::Abs,
+        };
+    }
+    config.field.cascade = Some(CascadeConfig {
+        first: 12,
+        more: 16,
+    });
+    config.photo_app.hidden = vec![48, 24];
+    config.photo_app.remap = true;
+    config.photo_app.latent = Some(8);
+    config.geometry.network_rate = 5e-3;
+    config.style_app.remap = true;
     config
 }
 
@@ -165,11 +191,48 @@ fn style_stage_starts_with_the_palette() {
 }
 
 #[test]
+fn a_step_in_several_turns_is_the_same_step() {
+    let (_dir, scene) = capture(3);
+    for mut config in [small(), small_paper()] {
+        config.geometry.samples = 1000;
+        config.geometry.rays = [150, 150];
+        let clock = Clock::start(Budget::Steps(9));
+        let losses = [150, 64].map(|turn| {
+            config.geometry.rays_at_once = turn;
+            let mut stage = GeometryStage::new(&scene, &config, 3, &Device::flex());
+            [(); 3].map(|()| stage.step(&clock).loss)
+        });
+        for (one, other) in losses[0].iter().zip(losses[1]) {
+            assert!((one / other - 1.0).abs() < 1e-3, "{losses:?}");
+        }
+    }
+}
+
+#[test]
+fn a_cascade_learns_one_photo_by_heart() {
+    let (_dir, scene) = capture(2);
+    let model = Model::from_file(reconstruct(&scene, &small_paper(), 250), Device::flex());
+    let (_, photo) = scene.train().next().unwrap();
+    let view = model.render(&photo.camera, &[&model.photo_look()]);
+    let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
+    assert!(psnr > 20.0, "{psnr:.1} dB");
+}
+
+#[test]
 fn a_run_writes_a_model_that_renders_the_same_when_read_back() {
-    let (dir, scene) = capture(9);
-    let output = dir.path().join("model");
     let mut config = small();
     config.style.generated = 4;
+    write_and_read(config);
+}
+
+#[test]
+fn a_run_of_the_papers_architecture_does_too() {
+    write_and_read(small_paper());
+}
+
+fn write_and_read(config: TrainConfig) {
+    let (dir, scene) = capture(9);
+    let output = dir.path().join("model");
     let options = TrainOptions {
         scene: dir.path().to_owned(),
         output: output.clone(),

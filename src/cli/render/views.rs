@@ -1,11 +1,11 @@
 //! Where to render from.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use impasto::scene::paths::{KeyframeOptions, keyframes, orbit, spiral};
-use impasto::scene::{Camera, Intrinsics, Split};
+use impasto::scene::{Camera, Intrinsics, Split, nerf_plus_plus_path};
 use impasto::{Model, ModelScene};
 
 use crate::cli::CliError;
@@ -25,6 +25,8 @@ pub enum ViewSource {
     Spiral,
     /// A camera path's file.
     File(PathBuf),
+    /// A NeRF++ folder of poses.
+    Folder(PathBuf),
 }
 
 impl FromStr for ViewSource {
@@ -37,7 +39,11 @@ impl FromStr for ViewSource {
             "orbit" => Ok(Self::Orbit),
             "spiral" => Ok(Self::Spiral),
             file if file.to_ascii_lowercase().ends_with(".json") => Ok(Self::File(file.into())),
-            _ => Err("use train, test, orbit, spiral or a .json file".into()),
+            folder if Path::new(folder).join("pose").is_dir() => Ok(Self::Folder(folder.into())),
+            _ => Err(
+                "use train, test, orbit, spiral, a .json file or a NeRF++ camera_path folder"
+                    .into(),
+            ),
         }
     }
 }
@@ -60,6 +66,17 @@ pub fn views(
         ViewSource::Photos(split) => return Ok(photos(scene, *split, size, frames)),
         ViewSource::Orbit => orbit(&train, count, path_size())?,
         ViewSource::Spiral => spiral(&train, count, path_size())?,
+        ViewSource::Folder(path) => {
+            let path = nerf_plus_plus_path(path)?;
+            let place = |i: usize| {
+                let camera = &path[i];
+                Camera {
+                    intrinsics: size.map_or(camera.intrinsics, |s| cropped(&camera.intrinsics, s)),
+                    camera_to_world: scene.normalisation.pose_to_scene(camera.camera_to_world),
+                }
+            };
+            spread(path.len(), frames).map(place).collect()
+        }
         ViewSource::File(path) => {
             let text = fs::read_to_string(path).map_err(|source| CliError::Read {
                 path: path.clone(),
@@ -93,6 +110,12 @@ fn pixels(camera: &Camera) -> (u32, u32) {
     (camera.intrinsics.width, camera.intrinsics.height)
 }
 
+/// Indices of `count` views, or of `frames` evenly spaced ones when there are more.
+fn spread(count: usize, frames: Option<usize>) -> impl Iterator<Item = usize> {
+    let frames = frames.unwrap_or(count).min(count);
+    (0..frames).map(move |i| i * count / frames)
+}
+
 /// Views of a split's photos; `frames` of them, evenly spaced, when there are more.
 fn photos(
     scene: &ModelScene,
@@ -105,10 +128,9 @@ fn photos(
         .iter()
         .filter(|photo| photo.split == split)
         .collect();
-    let count = frames.unwrap_or(photos.len()).min(photos.len());
-    (0..count)
+    spread(photos.len(), frames)
         .map(|i| {
-            let photo = photos[i * photos.len() / count];
+            let photo = photos[i];
             let intrinsics = match size {
                 Some(size) => cropped(&photo.camera.intrinsics, size),
                 None => photo.camera.intrinsics,

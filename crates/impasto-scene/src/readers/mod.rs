@@ -1,9 +1,11 @@
 //! Readers of capture formats. Each turns its files into one [`Capture`].
 
 pub(crate) mod colmap;
+pub(crate) mod llff;
+pub(crate) mod nerf_plus_plus;
 pub(crate) mod transforms;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
@@ -45,7 +47,43 @@ pub(crate) fn read(located: &Located) -> Result<Capture, SceneError> {
     match located {
         Located::Colmap { model, binary } => colmap::read(model, *binary),
         Located::Transforms { files } => transforms::read(files),
+        Located::NerfPlusPlus { root } => nerf_plus_plus::read(root),
+        Located::Llff { root } => llff::read(root),
     }
+}
+
+/// The files of a folder that `wanted` accepts, in order of name.
+fn files_in(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>, SceneError> {
+    let io = |source| SceneError::Io {
+        path: folder.to_owned(),
+        source,
+    };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        if path.is_file() && wanted(&path) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Whether a file's ending is that of a photo.
+fn is_photo(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| {
+        ["png", "jpg", "jpeg"]
+            .iter()
+            .any(|known| ending.eq_ignore_ascii_case(known))
+    })
+}
+
+/// Width and height of a photo, from its header.
+fn photo_size(photo: &Path) -> Result<(u32, u32), SceneError> {
+    image::image_dimensions(photo).map_err(|e| SceneError::Photo {
+        path: photo.to_owned(),
+        problem: e.to_string(),
+    })
 }
 
 impl Capture {

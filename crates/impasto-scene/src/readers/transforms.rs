@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::DMat4;
 use serde::Deserialize;
 
-use super::{Capture, Frame};
+use super::{Capture, Frame, photo_size};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::error::{SceneError, read_text};
 use crate::pose;
@@ -260,10 +260,7 @@ fn intrinsics(own: &Lens, global: &Lens, photo: &Path) -> Result<Intrinsics, Sce
     let (width, height) = match stated {
         (Some(w), Some(h)) => (w, h),
         _ => {
-            let (w, h) = image::image_dimensions(photo).map_err(|e| SceneError::Photo {
-                path: photo.to_owned(),
-                problem: e.to_string(),
-            })?;
+            let (w, h) = photo_size(photo)?;
             (f64::from(w), f64::from(h))
         }
     };

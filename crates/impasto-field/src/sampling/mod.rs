@@ -1,4 +1,7 @@
 //! Density grids say where along its ray a sample is worth its time: rays in, packed samples out.
+//! [`cascade`] is the paper's way to do the same.
+
+pub mod cascade;
 
 use crate::config::SamplingConfig;
 use crate::encoding::Positions;
@@ -89,6 +92,16 @@ impl VolumeSamples {
         append(&mut self.views, &mut other.views);
     }
 
+    fn part(&self, dimensions: usize, range: Range<usize>) -> Self {
+        let pick =
+            |data: &[f32], width: usize| data[range.start * width..range.end * width].to_vec();
+        Self {
+            raw: pick(&self.raw, dimensions),
+            cube: pick(&self.cube, 3),
+            views: pick(&self.views, 3),
+        }
+    }
+
     fn reserve(&mut self, samples: usize, dimensions: usize) {
         self.raw.reserve(samples * dimensions);
         self.cube.reserve(samples * 3);
@@ -136,6 +149,39 @@ impl Samples {
     /// Samples of one batch of rays after the other as one.
     pub(crate) fn joined(parts: Vec<Self>) -> Self {
         join(parts.into_iter().map(Part::from).collect())
+    }
+
+    /// The samples of some of the rays.
+    ///
+    /// # Panics
+    /// If there are not so many rays.
+    pub fn of_rays(&self, rays: Range<usize>) -> Self {
+        let spans = &self.layout.rays[rays];
+        let whole = |of: fn(&RaySpan) -> &Range<usize>| match (spans.first(), spans.last()) {
+            (Some(first), Some(last)) => of(first).start..of(last).end,
+            _ => 0..0,
+        };
+        let (inner, outer) = (whole(|span| &span.inner), whole(|span| &span.outer));
+        let split = self.inner.len();
+        let local = outer.start.max(split) - split..outer.end.max(split) - split;
+        let pick = |data: &[f32]| [&data[inner.clone()], &data[outer.clone()]].concat();
+        let moved = |range: &Range<usize>, from: usize, to: usize| {
+            range.start - from + to..range.end - from + to
+        };
+        let spans = spans.iter().map(|span| RaySpan {
+            inner: moved(&span.inner, inner.start, 0),
+            outer: moved(&span.outer, outer.start, inner.len()),
+        });
+        Self {
+            inner: self.inner.part(3, inner.clone()),
+            outer: self.outer.part(4, local),
+            layout: Arc::new(CompositeLayout {
+                rays: spans.collect(),
+                deltas: pick(&self.layout.deltas),
+                depths: pick(&self.layout.depths),
+                distances: pick(&self.layout.distances),
+            }),
+        }
     }
 
     /// Keeps the samples that `keep` says, one flag per sample in layout order.
