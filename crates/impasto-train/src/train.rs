@@ -120,16 +120,9 @@ pub fn train(
     };
     // Before anything is written: a style stage needs what it continues.
     let trained = match options.stages {
-        Stages::Style => Some(ModelFile::load(
-            &options.output.join(MODEL_FILE),
-            &Device::flex(),
-        )?),
+        Stages::Style => Some(continued(options, &scene)?),
         Stages::All | Stages::Geometry => None,
     };
-    if let Some(file) = &trained {
-        check_same_scene(file, &scene)?;
-        check_styled(&file.config)?;
-    }
     let mut log = Log::create(&options.output, sink)?;
     log.event(&loaded(&scene, &paintings));
     for (path, reason) in &paintings.unreadable {
@@ -167,6 +160,14 @@ pub fn train(
         unreadable_paintings: paintings.unreadable.len(),
         synthetic: run.scene.synthetic,
     })
+}
+
+/// The model whose style stage is to run.
+fn continued(options: &TrainOptions, scene: &Scene) -> Result<ModelFile, TrainError> {
+    let file = ModelFile::load(&options.output.join(MODEL_FILE), &Device::flex())?;
+    check_same_scene(&file, scene)?;
+    check_styled(&file.config)?;
+    Ok(file)
 }
 
 fn paintings(dir: &std::path::Path) -> Result<Paintings, TrainError> {
