@@ -3,8 +3,7 @@
 
 use crate::appearance::Appearance;
 use crate::branch::BranchWeights;
-use crate::encoding::frequencies;
-use crate::encoding::matrix;
+use crate::encoding::{frequencies, matrix};
 use crate::field::{Field, FieldWeights};
 use crate::sampling::Samples;
 use burn::tensor::Tensor;
@@ -37,17 +36,16 @@ impl Field {
         let volumes = [&self.inner, &self.outer].map(|branch| branch.volume_spec(&app.config));
         match volumes {
             [Some(inner), Some(outer)] => {
-                self.fused_loss(weights, app, samples, (wanted, [inner, outer]))
+                self.fused_loss((weights, app), samples, wanted, [inner, outer])
             }
-            _ => self.composed_loss(weights, app, samples, wanted),
+            _ => self.composed_loss((weights, app), samples, wanted),
         }
     }
 
     /// Of any networks, operation by operation.
     fn composed_loss(
         &self,
-        weights: &FieldWeights,
-        app: &Appearance,
+        (weights, app): (&FieldWeights, &Appearance),
         samples: &Samples,
         wanted: Wanted,
     ) -> Tensor<1> {
@@ -65,10 +63,10 @@ impl Field {
 
     fn fused_loss(
         &self,
-        weights: &FieldWeights,
-        app: &Appearance,
+        (weights, app): (&FieldWeights, &Appearance),
         samples: &Samples,
-        (wanted, volumes): (Wanted, [VolumeSpec; 2]),
+        wanted: Wanted,
+        volumes: [VolumeSpec; 2],
     ) -> Tensor<1> {
         let split = samples.inner.len();
         let (views, _) = samples.outer.views.as_chunks::<3>();

@@ -13,7 +13,7 @@ use image::RgbImage;
 use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use impasto::scene::{Format, LoadOptions, load};
-use impasto::{Inspiration, Look, Model, Stages, TrainConfig, TrainOptions};
+use impasto::{Inspiration, Look, Model, Stages, TrainConfig, TrainOptions, TrainSummary};
 use serde_json::json;
 
 use super::train::{BudgetArgs, describe, watched};
@@ -72,26 +72,14 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
     let out = &args.out;
     check_folder(out)?;
     console::note("photographing the built-in synthetic scene");
+    let (width, height) = args.size;
     let capture = BuiltinOptions {
-        width: args.size.0,
-        height: args.size.1,
+        width,
+        height,
         ..BuiltinOptions::default()
     };
     write_capture(&out.join("scene"), &capture)?;
-    let summary = watched(&TrainOptions {
-        scene: out.join("scene"),
-        output: out.join("model"),
-        styles: None,
-        stages: Stages::All,
-        config: TrainConfig {
-            geometry_share: GEOMETRY_SHARE,
-            ..TrainConfig::fast()
-        },
-        budget: args.budget.get_or(TRAINING),
-        downscale: 1,
-        format: Some(Format::Transforms),
-        seed: args.seed,
-    })?;
+    let summary = trained(args)?;
 
     let model = Model::load(&summary.model)?;
     let styles = styles(&model, &out.join("styles"))?;
@@ -128,6 +116,23 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
             clip.display(),
         ),
         json,
+    })
+}
+
+fn trained(args: &DemoArgs) -> Result<TrainSummary, CliError> {
+    watched(&TrainOptions {
+        scene: args.out.join("scene"),
+        output: args.out.join("model"),
+        styles: None,
+        stages: Stages::All,
+        config: TrainConfig {
+            geometry_share: GEOMETRY_SHARE,
+            ..TrainConfig::fast()
+        },
+        budget: args.budget.get_or(TRAINING),
+        downscale: 1,
+        format: Some(Format::Transforms),
+        seed: args.seed,
     })
 }
 

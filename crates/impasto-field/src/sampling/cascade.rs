@@ -4,6 +4,8 @@
 use super::{CHUNK, LAST_STEP, Part, RayBatch, Samples, join, push_step};
 use crate::config::CascadeConfig;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
+use impasto_kernels::cpu::composite;
+use impasto_kernels::{CompositeLayout, RaySpan};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -11,8 +13,6 @@ use std::ops::Range;
 
 /// Added to every weight, so that no place is left out.
 const LEAST_WEIGHT: f32 = 1e-6;
-/// Kept under every factor of the transmittance, as in compositing.
-const TRANSMITTANCE_EPS: f32 = 1e-6;
 
 /// A ray's places: ray parameters inside, ascending; inverse radii outside, descending.
 struct Places {
@@ -52,6 +52,7 @@ pub(crate) fn refined(
     seed: Option<u64>,
 ) -> Samples {
     let split = first.inner.len();
+    let weights = contributions(&first.layout, densities);
     samples(rays, |ray| {
         let span = &first.layout.rays[ray];
         let mut rng = seed.map(|seed| ray_rng(!seed, ray));
@@ -59,8 +60,7 @@ pub(crate) fn refined(
             if places.len() < 3 {
                 return;
             }
-            let deltas = &first.layout.deltas[span.clone()];
-            let weights = contributions(deltas, &densities[span.clone()]);
+            let weights = &weights[span.clone()];
             let middles: Vec<f32> = places.windows(2).map(|p| 0.5 * (p[0] + p[1])).collect();
             let last = (config.more.max(2) - 1) as f32;
             let share = |i: usize| rng.as_mut().map_or(i as f32 / last, RngExt::random);
@@ -140,17 +140,21 @@ fn spread([from, to]: [f32; 2], count: usize, rng: Option<&mut Pcg64>) -> Vec<f3
 }
 
 /// Contribution of each sample as if its volume were all there is.
-fn contributions(deltas: &[f32], densities: &[f32]) -> Vec<f32> {
-    let mut transmittance = 1.0;
-    let pairs = deltas.iter().zip(densities);
-    pairs
-        .map(|(delta, density)| {
-            let passed = (-density * delta).exp();
-            let weight = (1.0 - passed) * transmittance;
-            transmittance *= passed + TRANSMITTANCE_EPS;
-            weight
-        })
-        .collect()
+fn contributions(layout: &CompositeLayout, densities: &[f32]) -> Vec<f32> {
+    let volumes = layout
+        .rays
+        .iter()
+        .flat_map(|span| [&span.inner, &span.outer]);
+    let alone = volumes.map(|samples| RaySpan {
+        inner: samples.clone(),
+        outer: samples.end..samples.end,
+    });
+    let layout = CompositeLayout {
+        rays: alone.collect(),
+        deltas: layout.deltas.clone(),
+        ..CompositeLayout::default()
+    };
+    composite::weights(&layout, densities)
 }
 
 /// Packs every ray's places.

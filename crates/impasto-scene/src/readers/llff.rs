@@ -11,7 +11,7 @@ use glam::{DMat4, DVec3};
 use super::{Capture, Frame, files_in, is_photo};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::error::{SceneError, read_bytes};
-use crate::{npy, pose};
+use crate::npy;
 
 /// Name of the file with the poses.
 pub(crate) const POSES: &str = "poses_bounds.npy";
@@ -58,11 +58,6 @@ fn frame(row: &[f64], photo: PathBuf, folder: &str, path: &Path) -> Result<Frame
         (-backward).extend(0.0),
         centre.extend(1.0),
     );
-    let camera_to_world = pose::rigid(matrix).map_err(|problem| SceneError::Pose {
-        path: path.to_owned(),
-        frame: name.clone(),
-        problem,
-    })?;
     let size = column(4);
     let intrinsics = Intrinsics {
         // Saturating: anything absurd becomes a size that no photo has, or zero.
@@ -74,16 +69,9 @@ fn frame(row: &[f64], photo: PathBuf, folder: &str, path: &Path) -> Result<Frame
         cy: 0.5 * size.x,
         distortion: Distortion::default(),
     };
-    intrinsics
-        .check()
-        .map_err(|problem| SceneError::malformed(path, format!("frame {name}"), problem))?;
-    Ok(Frame {
-        name,
-        photo,
-        camera: Camera {
-            intrinsics,
-            camera_to_world,
-        },
-        split: None,
-    })
+    let camera = Camera {
+        intrinsics,
+        camera_to_world: matrix,
+    };
+    Frame::checked(path, (name, photo), camera, None)
 }

@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 use crate::camera::Camera;
 use crate::detect::Located;
 use crate::error::SceneError;
+use crate::pose;
 use crate::scene::Split;
 
 /// A capture in its own coordinates, before any photo is decoded.
@@ -32,6 +33,35 @@ pub(crate) struct Frame {
     pub(crate) camera: Camera,
     /// The split, when the format has one.
     pub(crate) split: Option<Split>,
+}
+
+impl Frame {
+    /// A photo whose pose and lens `path` states, checked.
+    fn checked(
+        path: &Path,
+        (name, photo): (String, PathBuf),
+        camera: Camera,
+        split: Option<Split>,
+    ) -> Result<Self, SceneError> {
+        let camera_to_world =
+            pose::rigid(camera.camera_to_world).map_err(|problem| SceneError::Pose {
+                path: path.to_owned(),
+                frame: name.clone(),
+                problem,
+            })?;
+        let place = || format!("frame {name}");
+        let check = camera.intrinsics.check();
+        check.map_err(|problem| SceneError::malformed(path, place(), problem))?;
+        Ok(Self {
+            name,
+            photo,
+            camera: Camera {
+                camera_to_world,
+                ..camera
+            },
+            split,
+        })
+    }
 }
 
 /// One sparse point, with `(index of the frame, pixel at the camera's stated size)`.

@@ -172,29 +172,17 @@ fn frame(
     path: &Path,
 ) -> Result<Frame, SceneError> {
     let (name, photo) = find_photo(&entry.file_path, path)?;
-    let wrong_pose = |problem: String| SceneError::Pose {
+    let matrix = matrix(&entry.transform_matrix).ok_or_else(|| SceneError::Pose {
         path: path.to_owned(),
         frame: name.clone(),
-        problem,
+        problem: "is not a 4×4 or 3×4 matrix".into(),
+    })?;
+    check_model(&entry.lens, global, path, &format!("frame {name}"))?;
+    let camera = Camera {
+        intrinsics: intrinsics(&entry.lens, global, &photo)?,
+        camera_to_world: pose::from_opengl(matrix),
     };
-    let matrix = matrix(&entry.transform_matrix)
-        .ok_or_else(|| wrong_pose("is not a 4×4 or 3×4 matrix".into()))?;
-    let camera_to_world = pose::rigid(pose::from_opengl(matrix)).map_err(wrong_pose)?;
-    let place = format!("frame {name}");
-    check_model(&entry.lens, global, path, &place)?;
-    let intrinsics = intrinsics(&entry.lens, global, &photo)?;
-    intrinsics
-        .check()
-        .map_err(|problem| SceneError::malformed(path, place, problem))?;
-    Ok(Frame {
-        name,
-        photo,
-        camera: Camera {
-            intrinsics,
-            camera_to_world,
-        },
-        split,
-    })
+    Frame::checked(path, (name, photo), camera, split)
 }
 
 /// The name (with its ending) and the path of a frame's photo.
