@@ -55,6 +55,7 @@ impl AppearanceConfig {
         widths.push(3);
         let linear = |inputs| MlpSpec::relu(&[inputs, features], false, Activation::Linear);
         AppNetwork {
+            features,
             remap: self.remap.then(|| linear(features)),
             chain: MlpSpec::relu(&widths, self.layer_norm, Activation::Sigmoid),
             shift: self.latent.map(linear),
@@ -99,8 +100,8 @@ impl Appearance {
         device: &Device,
     ) -> Self {
         Self {
-            inner: kaiming(config.network(features[0], 3).parts(), rng, device),
-            outer: kaiming(config.network(features[1], 4).parts(), rng, device),
+            inner: kaiming(config.network(features[0], 3).layers(), rng, device),
+            outer: kaiming(config.network(features[1], 4).layers(), rng, device),
             latent: None,
             canvas: config.canvas.as_ref().map(|c| Canvas {
                 inner: encoding_weights(c, FIRST_PAINT, rng, device),

@@ -1,11 +1,10 @@
 //! One volume's shape: encoding, `base` and `geo`.
 
-use crate::appearance::AppearanceConfig;
 use crate::config::{DensityActivation, VolumeConfig};
 use crate::encoding::{Positions, encode};
-use crate::network::Trunk;
+use crate::network::{AppNetwork, Trunk};
 use burn::tensor::{Device, Tensor, TensorData};
-use impasto_kernels::{Density, MlpSpec, VolumeSpec, ops};
+use impasto_kernels::{Density, LayerSpec, MlpSpec, Volume, VolumeSpec, ops};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -31,15 +30,15 @@ pub struct BranchWeights {
     pub latent: Option<Tensor<1>>,
 }
 
-/// Uniform Kaiming initialisation (fan-in, relu gain) of every layer of chains whose parameters
-/// follow each other; zero biases.
+/// Uniform Kaiming initialisation (fan-in, relu gain) of layers whose parameters follow each other;
+/// zero biases.
 pub fn kaiming<'a>(
-    chains: impl IntoIterator<Item = &'a MlpSpec>,
+    layers: impl IntoIterator<Item = &'a LayerSpec>,
     rng: &mut Pcg64,
     device: &Device,
 ) -> Tensor<1> {
     let mut flat = Vec::new();
-    for layer in chains.into_iter().flat_map(MlpSpec::layers) {
+    for layer in layers {
         let bound = (6.0 / layer.inputs as f32).sqrt();
         flat.extend((0..layer.inputs * layer.outputs).map(|_| rng.random_range(-bound..bound)));
         flat.extend(std::iter::repeat_n(0.0, layer.outputs));
@@ -100,8 +99,8 @@ impl Branch {
     ) -> BranchWeights {
         BranchWeights {
             encoding: encoding_weights(&self.config.encoding, FIRST_ENTRIES, rng, device),
-            base: kaiming(self.trunk.parts(), rng, device),
-            geo: kaiming([&self.geo], rng, device),
+            base: kaiming(self.trunk.layers(), rng, device),
+            geo: kaiming(self.geo.layers(), rng, device),
             latent,
         }
     }
@@ -120,23 +119,39 @@ impl Branch {
         self.config.latent
     }
 
-    /// Layers from encoding to colour, with an `app` on this branch's features; `None` unless all
-    /// are plain chains.
-    pub(crate) fn volume_spec(&self, app: &AppearanceConfig) -> Option<VolumeSpec> {
-        let app = app.network(self.features(), self.dimensions);
-        Some(VolumeSpec {
-            base: self.trunk.chain()?.clone(),
+    /// Layers from encoding to colour, with an `app` on this branch's features.
+    pub(crate) fn volume_spec(&self, app: &AppNetwork) -> VolumeSpec {
+        VolumeSpec {
+            base: self.trunk.chain().clone(),
             geo: self.geo.clone(),
             density: match self.config.density {
                 DensityActivation::Exp => Density::Exp,
                 DensityActivation::Abs => Density::Abs,
             },
-            app: app.chain()?.clone(),
-        })
+            app: app.chain().clone(),
+        }
+    }
+
+    /// Encoded positions and the weights of [`Self::volume_spec`]'s layers.
+    pub(crate) fn volume(
+        &self,
+        weights: &BranchWeights,
+        positions: &Positions<'_>,
+        (app, app_weights): (&AppNetwork, &Tensor<1>),
+        app_latent: Option<&Tensor<1>>,
+    ) -> Volume<Tensor<1>> {
+        let encoded = self.encode(weights, positions);
+        let [rows, width] = encoded.dims();
+        Volume {
+            encoded: encoded.reshape([rows * width]),
+            base: self.trunk.folded(&weights.base, weights.latent.as_ref()),
+            geo: weights.geo.clone(),
+            app: app.folded(app_weights, app_latent),
+        }
     }
 
     /// Encoded positions, `[n, width of the encoding]`.
-    pub(crate) fn encode(&self, weights: &BranchWeights, positions: &Positions<'_>) -> Tensor<2> {
+    fn encode(&self, weights: &BranchWeights, positions: &Positions<'_>) -> Tensor<2> {
         encode(&self.config.encoding, &weights.encoding, positions)
     }
 

@@ -18,7 +18,16 @@ fn twin(spec: &MlpSpec, x: &[f64], params: &[f64]) -> Evaluated {
     for row in x.chunks(spec.inputs()) {
         let mut current = row.to_vec();
         let mut offset = 0;
-        for layer in spec.layers() {
+        let mut shift = spec.layers().iter().map(LayerSpec::params).sum::<usize>();
+        let mut entry = Vec::new();
+        for (i, layer) in spec.layers().iter().enumerate() {
+            if spec.blocks().iter().any(|block| block.start == i) {
+                for x in &mut current {
+                    *x += params[shift];
+                    shift += 1;
+                }
+                entry.clone_from(&current);
+            }
             let bias = offset + layer.inputs * layer.outputs;
             let mut next = vec![0.0; layer.outputs];
             for (o, next) in next.iter_mut().enumerate() {
@@ -44,6 +53,9 @@ fn twin(spec: &MlpSpec, x: &[f64], params: &[f64]) -> Evaluated {
                     }
                     Activation::Sigmoid => 1.0 / (1.0 + (-*v).exp()),
                 };
+            }
+            if spec.blocks().iter().any(|block| block.end == i + 1) {
+                next.iter_mut().zip(&entry).for_each(|(v, e)| *v += e);
             }
             current = next;
         }
@@ -71,6 +83,13 @@ fn specs() -> Vec<(String, MlpSpec)> {
                 name(&[4, 9, 6]) + " everywhere",
                 MlpSpec::new(layers.to_vec()),
             ));
+            for blocks in [vec![1..3, 3..5], vec![2..3, 4..5]] {
+                let spec = MlpSpec::relu(&[5, 8, 8, 8, 8, 8], layer_norm, output);
+                specs.push((
+                    format!("blocks {blocks:?} {output:?} layer_norm={layer_norm}"),
+                    spec.with_blocks(blocks),
+                ));
+            }
         }
     }
     specs

@@ -5,7 +5,8 @@ mod common;
 use common::*;
 use impasto_kernels::cpu::radiance;
 use impasto_kernels::{
-    Activation, CompositeLayout, Density, MlpSpec, RadianceSpec, RaySpan, Volume, VolumeSpec, ops,
+    Activation, CompositeLayout, Density, LayerSpec, MlpSpec, RadianceSpec, RaySpan, Volume,
+    VolumeSpec, ops,
 };
 use std::sync::Arc;
 
@@ -13,8 +14,13 @@ const WIDTH: usize = 5;
 const FEATURES: usize = 4;
 
 fn spec(rays: usize, density: Density, view: usize) -> RadianceSpec {
-    let volume = |hidden: &[usize]| VolumeSpec {
-        base: MlpSpec::relu(&[WIDTH, 8, FEATURES], false, Activation::Relu),
+    let base = |widths: &[usize]| MlpSpec::relu(widths, false, Activation::Relu);
+    let bases = [
+        base(&[WIDTH, 8, FEATURES]),
+        base(&[WIDTH, FEATURES, 6, FEATURES]).with_blocks(vec![1..3]),
+    ];
+    let volume = |base: &MlpSpec, hidden: &[usize]| VolumeSpec {
+        base: base.clone(),
         geo: MlpSpec::relu(&[FEATURES, 1], false, Activation::Linear),
         density,
         app: MlpSpec::relu(
@@ -40,7 +46,7 @@ fn spec(rays: usize, density: Density, view: usize) -> RadianceSpec {
         }
     }
     RadianceSpec {
-        volumes: [volume(&[8]), volume(&[6, 6])],
+        volumes: [volume(&bases[0], &[8]), volume(&bases[1], &[6, 6])],
         layout: Arc::new(CompositeLayout {
             rays: spans,
             deltas: numbers(1, total, 0.05..0.6),
@@ -82,7 +88,15 @@ fn slices(volumes: &[Volume<Vec<f32>>; 2]) -> [Volume<&[f32]>; 2] {
 /// One row through layers, and how near a relu came to its kink.
 fn layers(mlp: &MlpSpec, params: &[f64], row: &[f64], margin: &mut f64) -> Vec<f64> {
     let (mut current, mut offset) = (row.to_vec(), 0);
-    for layer in mlp.layers() {
+    let mut shift = mlp.layers().iter().map(LayerSpec::params).sum::<usize>();
+    let mut entry = Vec::new();
+    for (i, layer) in mlp.layers().iter().enumerate() {
+        if mlp.blocks().iter().any(|block| block.start == i) {
+            let shifts = &params[shift..shift + current.len()];
+            current.iter_mut().zip(shifts).for_each(|(x, s)| *x += s);
+            shift += current.len();
+            entry.clone_from(&current);
+        }
         let (weight, bias) =
             params[offset..offset + layer.params()].split_at(layer.inputs * layer.outputs);
         offset += layer.params();
@@ -98,6 +112,9 @@ fn layers(mlp: &MlpSpec, params: &[f64], row: &[f64], margin: &mut f64) -> Vec<f
             }
         });
         current = next.collect();
+        if mlp.blocks().iter().any(|block| block.end == i + 1) {
+            current.iter_mut().zip(&entry).for_each(|(x, e)| *x += e);
+        }
     }
     current
 }

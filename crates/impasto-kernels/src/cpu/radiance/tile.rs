@@ -90,9 +90,9 @@ impl VolumeScratch {
         let rows = densities.len();
         let width = packed.base.spec.outputs();
         self.base.forward(simd, &packed.base, encoded);
-        let features = &self.base.output()[..rows * width];
+        let features = &self.base.output(packed.base.spec)[..rows * width];
         self.geo.forward(simd, &packed.geo, features);
-        for (density, raw) in densities.iter_mut().zip(self.geo.output()) {
+        for (density, raw) in densities.iter_mut().zip(self.geo.output(packed.geo.spec)) {
             *density = packed.density.of(*raw);
         }
         let inputs = packed.app.spec.inputs();
@@ -106,7 +106,7 @@ impl VolumeScratch {
         }
         self.app
             .forward(simd, &packed.app, &self.app_input[..rows * inputs]);
-        colours.copy_from_slice(&self.app.output()[..rows * CHANNELS]);
+        colours.copy_from_slice(&self.app.output(packed.app.spec)[..rows * CHANNELS]);
     }
 
     /// The way back, for the block that went through last.
@@ -138,11 +138,11 @@ impl VolumeScratch {
             to.copy_from_slice(&from[..width]);
         }
         let raw_grad = &mut self.raw_grad[..rows];
-        let raws = self.geo.output().iter().zip(densities);
+        let raws = self.geo.output(packed.geo.spec).iter().zip(densities);
         for ((to, g), (raw, density)) in raw_grad.iter_mut().zip(density_grad).zip(raws) {
             *to = g * packed.density.slope(*raw, *density);
         }
-        let features = &self.base.output()[..rows * width];
+        let features = &self.base.output(packed.base.spec)[..rows * width];
         let geo = (features, &*raw_grad);
         self.geo.backward(
             simd,
