@@ -176,11 +176,6 @@ fn what_is_not_there_yet_is_said_plainly() {
     let folder = tempfile::tempdir().unwrap();
     refused(
         folder.path(),
-        "train s -o m --preset paper",
-        &["later version", "--stage geometry", "fast"],
-    );
-    refused(
-        folder.path(),
         "render m -o clip.mp4",
         &["mp4", "not supported yet", ".gif"],
     );

@@ -31,5 +31,5 @@ pub use config::{
 };
 pub use field::{Field, FieldWeights, Grids, Visible};
 pub use network::{AppNetwork, Trunk};
-pub use render::{Geometry, RenderedRays, prepare_rays, render_rays};
+pub use render::{Geometry, Prepared, RenderedRays, prepare_rays, render_rays};
 pub use sampling::{RayBatch, Samples, contracted_distance};

@@ -111,12 +111,26 @@ impl Field {
         grids: &Grids,
         seed: Option<u64>,
     ) -> Geometry {
-        let mut samples = self.sample(rays, grids, seed);
-        if let Some(coarse) = &weights.coarse {
-            let densities = host(self.geometry(coarse, samples.clone()).density);
-            samples = self.refine(rays, samples, &densities, seed);
-        }
-        self.geometry(weights, samples)
+        self.look_twice(weights, rays, grids, seed).1
+    }
+
+    /// What the first field of a cascade, where there is one, and what the field says of its
+    /// samples of rays.
+    pub fn look_twice(
+        &self,
+        weights: &FieldWeights,
+        rays: &RayBatch,
+        grids: &Grids,
+        seed: Option<u64>,
+    ) -> (Option<Geometry>, Geometry) {
+        let samples = self.sample(rays, grids, seed);
+        let Some(coarse) = &weights.coarse else {
+            return (None, self.geometry(weights, samples));
+        };
+        let first = self.geometry(coarse, samples.clone());
+        let densities = host(first.density.clone());
+        let samples = self.refine(rays, samples, &densities, seed);
+        (Some(first), self.geometry(weights, samples))
     }
 
     /// Features and densities of samples.
@@ -198,6 +212,9 @@ impl Geometry {
             if let Some(last) = all().last() {
                 keep[last] = true;
             }
+        }
+        if !keep.contains(&false) {
+            return self.clone();
         }
         let samples = self.samples.pruned(&keep);
         let split = self.samples.inner.len();
@@ -314,42 +331,66 @@ fn chunks(rays: &RayBatch) -> impl IndexedParallelIterator<Item = (usize, RayBat
         .into_par_iter()
         .map(|chunk| {
             let range = chunk * RENDER_CHUNK..((chunk + 1) * RENDER_CHUNK).min(rays.len());
-            let origins = rays.origins[range.clone()].to_vec();
-            let directions = rays.directions[range].to_vec();
-            (
-                chunk,
-                RayBatch {
-                    origins,
-                    directions,
-                },
-            )
+            (chunk, rays.part(range))
         })
 }
 
+/// Rays made ready for painting, whatever the style.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// Geometry of the first field of a cascade, where there is one, then of the field; each in
+    /// turns, ray after ray.
+    pub levels: Vec<Vec<Geometry>>,
+    /// The field's colours of the rays in the photo's look, as [`Geometry::composite`] gives them,
+    /// where that was asked for.
+    pub colours: Option<Tensor<2>>,
+}
+
 /// Geometry of rays, [prepared](Geometry::prepared) for an appearance of configuration `app`
-/// without samples that contribute less than `least`, and the rays' colours in the look of
-/// `photo`, as [`Geometry::composite`] gives them. No gradients.
+/// without samples that contribute less than `least`, about `turn` rays at a time, and the rays'
+/// colours in the look of `photo`. No gradients.
 ///
 /// # Panics
 /// If there are no rays.
 pub fn prepare_rays(
     (field, weights, grids): (&Field, &FieldWeights, &Grids),
-    photo: &Appearance,
-    (app, least): (&AppearanceConfig, f32),
+    photo: Option<&Appearance>,
+    (app, least, turn): (&AppearanceConfig, f32, usize),
     rays: &RayBatch,
     seed: u64,
-) -> (Geometry, Tensor<2>) {
-    let parts: Vec<(Geometry, Tensor<2>)> = chunks(rays)
+) -> Prepared {
+    let parts: Vec<(Vec<Geometry>, Option<Tensor<2>>)> = chunks(rays)
         .map(|(chunk, rays)| {
             let seed = seed.wrapping_add(chunk as u64);
-            let geometry = field.look(weights, &rays, grids, Some(seed));
+            let (first, geometry) = field.look_twice(weights, &rays, grids, Some(seed));
             let geometry = geometry.contributing(least);
-            let colours = geometry.clone().prepared(&photo.config).composite(photo);
-            (geometry.prepared(app), colours)
+            let colours =
+                photo.map(|photo| geometry.clone().prepared(&photo.config).composite(photo));
+            let first = first.map(|first| first.contributing(least));
+            let levels = first.into_iter().chain([geometry]);
+            (levels.map(|level| level.prepared(app)).collect(), colours)
         })
         .collect();
-    let (parts, colours): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    (Geometry::joined(parts), Tensor::cat(colours, 0))
+    let (mut levels, mut colours) = (Vec::<Vec<Geometry>>::new(), Vec::new());
+    let mut parts = parts.into_iter().peekable();
+    while parts.peek().is_some() {
+        let mut chunks: Vec<Vec<Geometry>> = Vec::new();
+        for (geometries, own) in parts.by_ref().take((turn / RENDER_CHUNK).max(1)) {
+            chunks.resize_with(geometries.len(), Vec::new);
+            for (level, geometry) in chunks.iter_mut().zip(geometries) {
+                level.push(geometry);
+            }
+            colours.extend(own);
+        }
+        levels.resize_with(chunks.len(), Vec::new);
+        for (level, chunks) in levels.iter_mut().zip(chunks) {
+            level.push(Geometry::joined(chunks));
+        }
+    }
+    Prepared {
+        levels,
+        colours: (!colours.is_empty()).then(|| Tensor::cat(colours, 0)),
+    }
 }
 
 fn render_chunk(

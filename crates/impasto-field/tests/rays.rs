@@ -289,14 +289,22 @@ fn groups_of_rays_are_rays_one_by_one() {
         }
     }
     let parts = (&field, &weights, &grids);
-    let (geometry, colours) = prepare_rays(parts, &photo, (&photo.config, 1e-3), &all, 7);
-    let (joined, apart) = (host(geometry.composite(&photo)), host(colours));
-    assert_eq!(joined.len(), 300 * 6);
-    let same = joined
-        .iter()
-        .zip(&apart)
-        .all(|(a, b)| (a - b).abs() < 1e-5 * a.abs().max(1.0));
-    assert!(same, "joined groups composite like themselves");
+    for (turn, turns) in [(usize::MAX, 1), (128, 3), (1, 3)] {
+        let prepared = prepare_rays(parts, Some(&photo), (&photo.config, 1e-3, turn), &all, 7);
+        let level = prepared.levels.last().unwrap();
+        assert_eq!((prepared.levels.len(), level.len()), (1, turns));
+        let joined: Vec<f32> = level
+            .iter()
+            .flat_map(|p| host(p.composite(&photo)))
+            .collect();
+        let apart = host(prepared.colours.unwrap());
+        assert_eq!(joined.len(), 300 * 6);
+        let same = joined
+            .iter()
+            .zip(&apart)
+            .all(|(a, b)| (a - b).abs() < 1e-5 * a.abs().max(1.0));
+        assert!(same, "joined groups composite like themselves");
+    }
 }
 
 #[test]
@@ -305,7 +313,7 @@ fn the_loss_is_that_of_the_composite() {
     for (bands, density, latent) in [
         (Some(2), DensityActivation::Exp, None),
         (None, DensityActivation::Abs, None),
-        // Not a plain chain: composed of other operations.
+        // Residual blocks and layers to fold.
         (Some(2), DensityActivation::Abs, Some(5)),
     ] {
         let mut sizes = config(&hash_grid());

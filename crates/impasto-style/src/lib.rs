@@ -16,6 +16,7 @@ mod vae_training;
 
 pub use error::StyleError;
 pub use hypernetwork::{Hypernetwork, HypernetworkWeights};
+pub use losses::StyleReduction;
 pub use patch::{Patch, PatchSampler, PatchStrides};
 pub use perceptual::{Features, Perceptual, Statistics};
 pub use picture::{picture, recolour, square_crop};

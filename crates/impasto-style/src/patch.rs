@@ -8,17 +8,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PatchStrides {
-    /// The paper's: each axis for itself, from half (down) or a third (across) of the largest
-    /// stride that fits to all of it. Shows most of a view, coarsely, and stretched.
-    Paper,
+    /// The paper's: each axis for itself, down and across, from the largest stride that fits
+    /// divided by these (1/Λ, `[2, 3]` in the paper) to all of it. Shows most of a view, coarsely,
+    /// and stretched.
+    Paper([usize; 2]),
     /// One stride for both axes: a random multiple, within these bounds, of the stride at which
     /// the photo's shorter side has as many pixels as the pictures that paintings are measured on.
     /// Shows a part of a view at the scale at which its strokes are judged.
     Scale([f32; 2]),
 }
-
-/// Part of the largest stride that the paper's rule goes down to: ½ down, ⅓ across.
-const PAPER_LEAST: [usize; 2] = [2, 3];
 
 /// A grid of cells: rows from `top + i · down`, columns from `left + j · across`, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,8 +67,8 @@ impl PatchSampler {
             return None;
         }
         let [down, across] = match self.strides {
-            PatchStrides::Paper => [0, 1].map(|axis| {
-                let least = (most[axis] / PAPER_LEAST[axis]).max(1);
+            PatchStrides::Paper(parts) => [0, 1].map(|axis| {
+                let least = (most[axis] / parts[axis].max(1)).max(1);
                 rng.random_range(least..=most[axis]) as f32
             }),
             PatchStrides::Scale([least, greatest]) => {
@@ -117,7 +115,7 @@ mod tests {
     #[test]
     fn fine_points_fit_and_average_to_the_cells_middles() {
         let mut rng = Pcg64::seed_from_u64(4);
-        for strides in [PatchStrides::Paper, PatchStrides::Scale([0.8, 1.4])] {
+        for strides in [PatchStrides::Paper([2, 3]), PatchStrides::Scale([0.8, 1.4])] {
             for (height, width) in [(67, 81), (244, 369), (369, 244), (700, 1000)] {
                 let patch = sampler(strides).draw(height, width, &mut rng).unwrap();
                 assert!(fits(&patch, 2, height, width) && fits(&patch, 1, height, width));
@@ -138,7 +136,7 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(1);
         let mut strides = std::collections::BTreeSet::new();
         for _ in 0..2000 {
-            let patch = sampler(PatchStrides::Paper)
+            let patch = sampler(PatchStrides::Paper([2, 3]))
                 .draw(368, 244, &mut rng)
                 .unwrap();
             assert_eq!(patch.points(1).count(), 67 * 81);
@@ -166,7 +164,7 @@ mod tests {
     #[test]
     fn refuses_images_smaller_than_a_patch() {
         let mut rng = Pcg64::seed_from_u64(1);
-        for strides in [PatchStrides::Paper, PatchStrides::Scale([0.5, 1.0])] {
+        for strides in [PatchStrides::Paper([2, 3]), PatchStrides::Scale([0.5, 1.0])] {
             assert_eq!(sampler(strides).draw(66, 500, &mut rng), None);
             assert!(sampler(strides).draw(67, 81, &mut rng).is_some());
         }

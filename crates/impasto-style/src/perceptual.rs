@@ -37,6 +37,16 @@ impl Statistics {
     /// Length of every statistics vector.
     pub const LEN: usize = 2 * (64 + 128 + 256 + 512);
 
+    /// Where each layer's means and each layer's deviations lie.
+    pub fn parts() -> impl Iterator<Item = std::ops::Range<usize>> {
+        let widths = [64, 128, 256, 512].into_iter();
+        widths.flat_map(|w| [w, w]).scan(0, |end, width| {
+            let start = *end;
+            *end += width;
+            Some(start..*end)
+        })
+    }
+
     /// Mean squared difference over all numbers: the style loss (PAPER §8, reference form).
     pub fn distance(&self, other: &Self) -> f32 {
         self.0

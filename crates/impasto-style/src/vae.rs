@@ -99,6 +99,13 @@ impl StyleVae {
         })
     }
 
+    /// The same, with codes that are μ itself.
+    #[must_use]
+    pub fn unweighed(self) -> Self {
+        let gain = vec![1.0; self.gain.len()];
+        Self { gain, ..self }
+    }
+
     /// Its weights in half precision.
     ///
     /// # Errors

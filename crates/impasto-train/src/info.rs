@@ -2,7 +2,7 @@
 
 use crate::config::TrainConfig;
 use crate::model_file::ModelFile;
-use crate::style_stage::hypernetworks;
+use crate::style_stage::{hypernetworks, levels};
 use burn::tensor::Tensor;
 use impasto_field::{Branch, EncodingConfig, Field};
 use impasto_scene::Split;
@@ -17,7 +17,7 @@ impl TrainConfig {
     /// parameters by level of the cascade, and the whole configuration.
     pub fn info(&self) -> Value {
         let field = Field::new(self.field.clone());
-        let levels = 1 + usize::from(self.field.cascade.is_some());
+        let levels = levels(self);
         let branch = |branch: &Branch, encoding: &EncodingConfig| {
             let app = self
                 .photo_app
@@ -57,11 +57,15 @@ impl ModelFile {
                 .filter(|photo| photo.split == split)
                 .count()
         };
+        let coarse = self.weights.coarse.iter();
+        let coarse = coarse
+            .flat_map(|c| [&c.inner, &c.outer])
+            .flat_map(|w| [&w.base, &w.geo]);
         let canvas = self.style.as_ref().and_then(|style| style.canvas.as_ref());
         let hypernetworks = self
             .style
             .iter()
-            .flat_map(|style| style.weights.iter().flat_map(|w| &w.0));
+            .flat_map(|style| style.levels.iter().flatten().flat_map(|w| &w.0));
         json!({
             "name": self.scene.name,
             "synthetic": self.scene.synthetic,
@@ -72,6 +76,7 @@ impl ModelFile {
                 "encodings": count([&inner.encoding, &outer.encoding]),
                 "base": count([&inner.base, &outer.base]),
                 "geo": count([&inner.geo, &outer.geo]),
+                "first_field": count(coarse),
                 "photo_app": count([&self.photo_app.inner, &self.photo_app.outer]),
                 "hypernetworks": count(hypernetworks),
                 "canvas": count(canvas.iter().flat_map(|c| [&c.inner, &c.outer])),

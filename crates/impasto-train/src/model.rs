@@ -78,14 +78,6 @@ pub struct RenderedView {
     pub depth: Vec<f32>,
 }
 
-/// How much farther from the average painting a look is made than its code says. A hypernetwork
-/// that is unsure predicts something average, so looks come out tamer than their paintings. Chosen
-/// on paintings of the training set: style gain hardly changes between 1.25 and 2.5, while more of
-/// them can be told apart the larger it is.
-pub const EMPHASIS: f32 = 2.0;
-/// Share of the way that colours are moved to the painting's own mean and contrast. All the way
-/// lowers the style gain: the place has a say in where light and dark are.
-const TRUST: f32 = 0.7;
 /// Training views that a look is measured on, and rays along each side of one.
 const SAMPLED_VIEWS: usize = 16;
 const SAMPLED_SIDE: u32 = 16;
@@ -126,7 +118,7 @@ impl Model {
             None => {
                 let made = Encoder {
                     vgg: Perceptual::vgg16()?,
-                    vae: StyleVae::shipped()?,
+                    vae: self.file.config.encoder(StyleVae::shipped()?),
                 };
                 self.encoder.get_or_init(|| made)
             }
@@ -137,25 +129,39 @@ impl Model {
         })
     }
 
-    /// The look that a painting gives, [emphasised](EMPHASIS), or `None` if the style stage has not
-    /// run. The hypernetwork runs once, here. What its colours lack of the painting's mean and
-    /// contrast over the training views is then made up for by one linear map of all colours, the
-    /// same everywhere, so that views keep agreeing.
+    /// The look that a painting gives, emphasised as the configuration says, or `None` if the style
+    /// stage has not run. The hypernetwork runs once, here. What its colours lack of the painting's
+    /// mean and contrast over the training views is then made up for, to the share that the
+    /// configuration trusts it, by one linear map of all colours, the same everywhere, so that
+    /// views keep agreeing.
     pub fn look(&self, inspiration: &Inspiration) -> Option<Look> {
-        let style = self.file.style.as_ref()?;
-        let code = inspiration.code.scaled(EMPHASIS);
-        let appearance = style.appearance(&self.file.config, &code, &self.device);
-        let sample = self.sample.get_or_init(|| self.sample(&appearance.config));
-        let recolouring = sample.as_ref().map(|sample| {
-            let colours = host(sample.composite(&appearance));
-            let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
-            let found = Palette::of(pixels.iter().map(|pixel| &pixel[..3]));
-            found.recolouring(&inspiration.palette).softened(TRUST)
-        });
+        let config = &self.file.config;
+        let (style, settings) = (self.file.style.as_ref()?, &config.style);
+        let code = inspiration.code.scaled(settings.emphasis);
+        let levels = style.appearances(config, &code, &self.device);
+        let appearance = levels.into_iter().next_back()?;
+        let recolouring = match settings.palette_trust {
+            0.0 => None,
+            trust => self.recolouring(&appearance, &inspiration.palette, trust),
+        };
         Some(Look {
             appearance,
             recolouring,
         })
+    }
+
+    /// From the colours that an appearance has over the training views towards a palette.
+    fn recolouring(
+        &self,
+        appearance: &Appearance,
+        palette: &Palette,
+        trust: f32,
+    ) -> Option<Recolouring> {
+        let sample = self.sample.get_or_init(|| self.sample(&appearance.config));
+        let colours = host(sample.as_ref()?.composite(appearance));
+        let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
+        let found = Palette::of(pixels.iter().map(|pixel| &pixel[..3]));
+        Some(found.recolouring(palette).softened(trust))
     }
 
     /// Geometry of a grid of rays through the training views; `None` if there are none.
@@ -171,8 +177,11 @@ impl Model {
             rays.directions.extend(all.directions);
         }
         let parts = (&self.field, &self.file.weights, &self.file.grids);
-        let photo = &self.file.photo_app;
-        (!rays.is_empty()).then(|| prepare_rays(parts, photo, (config, 0.0), &rays, 0).0)
+        if rays.is_empty() {
+            return None;
+        }
+        let mut prepared = prepare_rays(parts, None, (config, 0.0, rays.len()), &rays, 0);
+        prepared.levels.pop()?.pop()
     }
 
     /// The photo's own look.

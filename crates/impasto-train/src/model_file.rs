@@ -21,7 +21,7 @@ pub const MODEL_FILE: &str = "model.safetensors";
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// One photo that a model was made from; the pixels are not kept.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -146,10 +146,13 @@ impl ModelFile {
         entries.push(floats("inner.photo_app", &self.photo_app.inner));
         entries.push(floats("outer.photo_app", &self.photo_app.outer));
         if let Some(style) = &self.style {
-            for (volume, weights) in VOLUMES.iter().zip(&style.weights) {
-                let layers = weights.0.iter().enumerate();
-                entries
-                    .extend(layers.map(|(i, w)| floats(format!("{volume}.hypernetwork.{i}"), w)));
+            // The field's level is the last, a cascade's first field comes before it.
+            for (level, volumes) in ["", COARSE].iter().zip(style.levels.iter().rev()) {
+                for (volume, weights) in VOLUMES.iter().zip(volumes) {
+                    let name = |i: usize| format!("{level}{volume}.hypernetwork.{i}");
+                    let layers = weights.0.iter().enumerate();
+                    entries.extend(layers.map(|(i, w)| floats(name(i), w)));
+                }
             }
             if let Some(canvas) = &style.canvas {
                 entries.push(floats("inner.canvas", &canvas.inner));
@@ -354,13 +357,19 @@ impl Reader<'_> {
             return Ok(None);
         }
         let hyper = hypernetworks(field, config);
-        let weights = |i: usize| -> Result<HypernetworkWeights, String> {
+        let weights = |level: &str, i: usize| -> Result<HypernetworkWeights, String> {
             let lengths = hyper[i].lengths().into_iter().enumerate();
-            let layers = lengths.map(|(l, length)| {
-                self.floats(&format!("{}.hypernetwork.{l}", VOLUMES[i]), length)
-            });
+            let name = |l: usize| format!("{level}{}.hypernetwork.{l}", VOLUMES[i]);
+            let layers = lengths.map(|(l, length)| self.floats(&name(l), length));
             Ok(HypernetworkWeights(layers.collect::<Result<_, _>>()?))
         };
+        let names = match config.field.cascade {
+            Some(_) => &[COARSE, ""][..],
+            None => &[""],
+        };
+        let levels = names
+            .iter()
+            .map(|level| Ok([weights(level, 0)?, weights(level, 1)?]));
         let canvas = match config
             .style_app
             .canvas
@@ -374,7 +383,7 @@ impl Reader<'_> {
             None => None,
         };
         Ok(Some(StyleModel {
-            weights: [weights(0)?, weights(1)?],
+            levels: levels.collect::<Result<_, String>>()?,
             hyper,
             canvas,
         }))

@@ -1,10 +1,11 @@
 //! Patches of photos with their frozen geometry, drawn again and again.
 
-use crate::config::StyleConfig;
+use crate::config::{ContentTarget, StyleConfig};
 use crate::palette::Palette;
 use crate::rays::{CameraRays, PhotoRays};
 use crate::styles::STYLE_SIDE;
 use burn::tensor::Tensor;
+use impasto_field::encoding::matrix;
 use impasto_field::render::host;
 use impasto_field::{
     Appearance, AppearanceConfig, Field, FieldWeights, Geometry, Grids, RayBatch, prepare_rays,
@@ -28,12 +29,21 @@ pub struct Frozen {
 /// One patch: all that a style update needs and that no style changes.
 #[derive(Debug)]
 pub struct FrozenPatch {
-    /// Samples with features and densities, constants of an autodiff graph.
-    pub geometry: Geometry,
-    /// What the perceptual network says of the unstylised render.
+    /// Samples with features and densities, constants of an autodiff graph: of the first field of
+    /// a cascade, where there is one, then of the field. Each in parts, ray after ray.
+    pub levels: Vec<Vec<Geometry>>,
+    /// What the perceptual network says of the unstylised patch.
     pub features: Features,
-    /// The unstylised render, row-major.
+    /// The unstylised patch, row-major.
     pub pixels: Vec<f32>,
+}
+
+impl FrozenPatch {
+    /// Number of rays.
+    pub fn rays(&self) -> usize {
+        let field = self.levels.last().into_iter().flatten();
+        field.map(|part| part.layout().rays.len()).sum()
+    }
 }
 
 /// One pixel in this many is enough to know the photos' colours.
@@ -55,7 +65,9 @@ pub struct PatchPool {
     /// The nearest other photos of each.
     neighbours: Vec<Vec<usize>>,
     novel_views: f64,
+    target: ContentTarget,
     supersampling: usize,
+    rays_at_once: usize,
     sampler: PatchSampler,
     app: AppearanceConfig,
     least_weight: f32,
@@ -80,7 +92,9 @@ impl PatchPool {
             palette: Palette::of(all.step_by(PALETTE_STEP)),
             neighbours: neighbours(&photos),
             novel_views: settings.novel_views.into(),
+            target: settings.content_target,
             supersampling: settings.supersampling,
+            rays_at_once: settings.rays_at_once,
             field,
             frozen,
             photos,
@@ -132,19 +146,19 @@ impl PatchPool {
             let at = rng.random_range(0..self.kept.len());
             return Ok(Arc::clone(&self.kept[at]));
         }
+        // Gone before its successor is made: one of the paper's is more than a gigabyte.
+        if self.kept.len() == self.capacity {
+            let at = rng.random_range(0..self.capacity);
+            self.kept.swap_remove(at);
+        }
         let patch = Arc::new(self.make(vgg, rng)?);
         self.made += 1;
-        if self.kept.len() < self.capacity {
-            self.kept.push(Arc::clone(&patch));
-        } else {
-            let at = rng.random_range(0..self.capacity);
-            self.kept[at] = Arc::clone(&patch);
-        }
+        self.kept.push(Arc::clone(&patch));
         Ok(patch)
     }
 
     fn make(&self, vgg: &Perceptual, rng: &mut Pcg64) -> Result<FrozenPatch, StyleError> {
-        let rays = self.draw_view(rng);
+        let (rays, photo) = self.draw_view(rng);
         let (width, height) = rays.size();
         let [rows, columns] = self.sampler.size;
         let patch = self
@@ -156,24 +170,36 @@ impl PatchPool {
                 least: rows.max(columns),
             })?;
         let mut batch = RayBatch::default();
-        patch
-            .points(self.supersampling)
-            .for_each(|point| rays.push_at(point, &mut batch));
+        let mut wanted = Vec::new();
+        for point in patch.points(self.supersampling) {
+            match self.target {
+                ContentTarget::Render => rays.push_at(point, &mut batch),
+                ContentTarget::Photo => {
+                    let pixel = rays.pixel_at(point);
+                    rays.push(pixel, &mut batch);
+                    wanted.extend_from_slice(&self.photos[photo].pixels[3 * pixel..][..3]);
+                }
+            }
+        }
         let Frozen {
             weights,
             grids,
             photo_app,
         } = &self.frozen;
-        let (geometry, colours) = prepare_rays(
+        let photo = (self.target == ContentTarget::Render).then_some(photo_app);
+        let prepared = prepare_rays(
             (&self.field, weights, grids),
-            photo_app,
-            (&self.app, self.least_weight),
+            photo,
+            (&self.app, self.least_weight, self.rays_at_once),
             &batch,
             rng.random(),
         );
-        let pixels = host(self.averaged(colours).clamp(0.0, 1.0));
+        let wanted = prepared
+            .colours
+            .unwrap_or_else(|| matrix(wanted, 3, &photo_app.inner.device()));
+        let pixels = host(self.averaged(wanted).clamp(0.0, 1.0));
         Ok(FrozenPatch {
-            geometry: geometry.lifted(),
+            levels: lifted(prepared.levels),
             features: vgg.features(&pixels, rows, columns)?,
             pixels,
         })
@@ -197,16 +223,23 @@ impl PatchPool {
     }
 
     /// A photo's view, or one between two neighbouring photos: paint must hold where nobody stood.
-    fn draw_view(&self, rng: &mut Pcg64) -> CameraRays {
+    /// With it the number of the photo.
+    fn draw_view(&self, rng: &mut Pcg64) -> (CameraRays, usize) {
         let photo = rng.random_range(0..self.photos.len());
         let rays = &self.photos[photo].rays;
         let near = &self.neighbours[photo];
         if near.is_empty() || !rng.random_bool(self.novel_views) {
-            return rays.clone();
+            return (rays.clone(), photo);
         }
         let other = near[rng.random_range(0..near.len())];
-        rays.towards(&self.photos[other].rays, rng.random())
+        (rays.towards(&self.photos[other].rays, rng.random()), photo)
     }
+}
+
+/// The same as constants of an autodiff graph.
+fn lifted(levels: Vec<Vec<Geometry>>) -> Vec<Vec<Geometry>> {
+    let turns = |level: Vec<Geometry>| level.into_iter().map(Geometry::lifted).collect();
+    levels.into_iter().map(turns).collect()
 }
 
 /// Most neighbours of a photo.
@@ -248,6 +281,7 @@ mod tests {
     use burn::tensor::Device;
     use glam::DVec3;
     use impasto_field::EncodingConfig;
+    use impasto_style::PatchStrides;
     use rand::SeedableRng;
 
     fn photo(x: f64, yaw: f64) -> PhotoRays {
@@ -313,6 +347,32 @@ mod tests {
         assert!(!Arc::ptr_eq(&drawn[2], &drawn[3]));
         assert_eq!(drawn[0].pixels.len(), 16 * 16 * 3);
         assert!(drawn[0].pixels.iter().all(|x| (0.0..=1.0).contains(x)));
+    }
+
+    #[test]
+    fn a_patch_of_a_photo_has_its_pixels() {
+        let mut one = photo(0.0, 0.0);
+        let shade = |pixel: usize| (pixel % 24) as f32 / 48.0 + (pixel / 24) as f32 / 100.0;
+        let pixels = one.pixels.chunks_exact_mut(3).enumerate();
+        pixels.for_each(|(i, colour)| colour.fill(shade(i)));
+        let vgg = Perceptual::vgg16().unwrap();
+        let mut pool = pool(vec![one], [8, 8]);
+        pool.target = ContentTarget::Photo;
+        pool.novel_views = 0.0;
+        pool.supersampling = 1;
+        pool.rays_at_once = 32;
+        pool.sampler.strides = PatchStrides::Paper([2, 3]);
+        for seed in 0..4 {
+            let patch = pool.make(&vgg, &mut Pcg64::seed_from_u64(seed)).unwrap();
+            assert_eq!(patch.rays(), 64);
+            // Neighbours are a whole number of pixels apart.
+            let at = |row: usize, column: usize| patch.pixels[3 * (8 * row + column)];
+            let across = (at(0, 1) - at(0, 0)) * 48.0;
+            let down = (at(1, 0) - at(0, 0)) * 100.0;
+            for step in [across, down] {
+                assert!(step > 0.5 && (step - step.round()).abs() < 1e-3, "{step}");
+            }
+        }
     }
 
     #[test]

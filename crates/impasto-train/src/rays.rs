@@ -73,6 +73,12 @@ impl CameraRays {
         self.push_plane(upper.lerp(lower, down).to_array(), batch);
     }
 
+    /// Index of the pixel that holds a point of the image, `x` and `y` in pixels.
+    pub fn pixel_at(&self, [x, y]: [f32; 2]) -> usize {
+        let place = |at: f32, size: usize| (at.max(0.0) as usize).min(size - 1);
+        place(y, self.height) * self.width + place(x, self.width)
+    }
+
     fn push_plane(&self, [x, y]: [f32; 2], batch: &mut RayBatch) {
         let [a, b, c] = self.rotation;
         batch.push(self.origin, [0, 1, 2].map(|i| x * a[i] + y * b[i] + c[i]));

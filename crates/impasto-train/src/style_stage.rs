@@ -3,13 +3,14 @@
 
 use crate::budget::Clock;
 use crate::config::TrainConfig;
+use crate::painted;
 use crate::patches::{Frozen, FrozenPatch, PatchPool};
 use crate::rays::PhotoRays;
 use crate::styles::Style;
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_field::{Appearance, Canvas, Field};
 use impasto_kernels::ops::AdamParam;
-use impasto_style::{Hypernetwork, Perceptual, StyleCode, StyleError, losses};
+use impasto_style::{Hypernetwork, HypernetworkWeights, Perceptual, StyleCode, StyleError, losses};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -18,37 +19,49 @@ use rand_pcg::Pcg64;
 pub struct StyleModel {
     /// Hypernetworks of the inner and the outer `app`.
     pub hyper: [Hypernetwork; 2],
-    /// Their weights.
-    pub weights: [impasto_style::HypernetworkWeights; 2],
+    /// Their weights, after those for the first field of a cascade, where there is one.
+    pub levels: Vec<[HypernetworkWeights; 2]>,
     /// The canvas encoding, where the appearance has one.
     pub canvas: Option<Canvas>,
+}
+
+/// Levels of a cascade, or the only one.
+pub fn levels(config: &TrainConfig) -> usize {
+    1 + usize::from(config.field.cascade.is_some())
 }
 
 /// The hypernetworks' sizes for a configuration.
 pub fn hypernetworks(field: &Field, config: &TrainConfig) -> [Hypernetwork; 2] {
     let features = field.features();
     [0, 1].map(|i| {
-        let app = config.style_app.network(features[i], 3 + i);
-        Hypernetwork::new(StyleCode::LEN, config.style.hyper_width, app.layers())
+        let app = config.style_appearance().network(features[i], 3 + i);
+        let settings = &config.style;
+        Hypernetwork::new(
+            StyleCode::LEN,
+            settings.hyper_width,
+            app.layers(),
+            settings.predicted_layers,
+        )
     })
 }
 
 impl StyleModel {
-    /// The appearance that belongs to a style code.
-    pub fn appearance(
+    /// The appearances that belong to a style code, level by level: the field's is the last.
+    pub fn appearances(
         &self,
         config: &TrainConfig,
         code: &StyleCode,
         device: &Device,
-    ) -> Appearance {
+    ) -> Vec<Appearance> {
         let code = code.tensor(device);
-        Appearance {
-            config: config.style_app.clone(),
-            inner: self.hyper[0].predict(&self.weights[0], &code),
-            outer: self.hyper[1].predict(&self.weights[1], &code),
+        let levels = self.levels.iter().map(|[inner, outer]| Appearance {
+            config: config.style_appearance(),
+            inner: self.hyper[0].predict(inner, &code),
+            outer: self.hyper[1].predict(outer, &code),
             canvas: self.canvas.clone(),
             latent: None,
-        }
+        });
+        levels.collect()
     }
 }
 
@@ -60,8 +73,8 @@ pub struct StyleStage {
     vae: impasto_style::StyleVae,
     vgg: Perceptual,
     hyper: [Hypernetwork; 2],
-    /// Per volume, per predicted layer.
-    hyper_params: [Vec<AdamParam>; 2],
+    /// Per level, per volume, per layer.
+    hyper_params: Vec<[Vec<AdamParam>; 2]>,
     canvas: Option<[AdamParam; 2]>,
     rng: Pcg64,
     device: Device,
@@ -69,8 +82,8 @@ pub struct StyleStage {
     updates: u64,
 }
 
-/// What one step did.
-#[derive(Debug, Clone, Copy)]
+/// What one step did, of a cascade the field's part of it.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct StyleReport {
     /// Total loss.
     pub loss: f64,
@@ -100,19 +113,19 @@ impl StyleStage {
     ) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed ^ 0x57_79_6c_65);
         let hyper = hypernetworks(&field, config);
-        let hyper_params = [0, 1].map(|i| {
-            hyper[i]
-                .init(&mut rng, device)
-                .0
-                .into_iter()
-                .map(AdamParam::new)
-                .collect()
+        let hyper_params = (0..levels(config)).map(|_| {
+            [0, 1].map(|i| {
+                let first = hyper[i].init(&mut rng, device).0.into_iter();
+                first.map(AdamParam::new).collect()
+            })
         });
-        let canvas =
-            Appearance::init(config.style_app.clone(), field.features(), &mut rng, device).canvas;
+        let hyper_params = hyper_params.collect();
+        let app = config.style_appearance();
+        let patches = PatchPool::new((&config.style, &app), field.clone(), frozen, photos);
+        let canvas = Appearance::init(app, field.features(), &mut rng, device).canvas;
         Self {
             canvas: canvas.map(|c| [AdamParam::new(c.inner), AdamParam::new(c.outer)]),
-            patches: PatchPool::new((&config.style, &config.style_app), field, frozen, photos),
+            patches,
             config: config.clone(),
             styles,
             vae,
@@ -131,14 +144,11 @@ impl StyleStage {
     }
 
     fn model(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> StyleModel {
-        let weights =
-            |p: &Vec<AdamParam>| impasto_style::HypernetworkWeights(p.iter().map(&leaf).collect());
+        let weights = |p: &Vec<AdamParam>| HypernetworkWeights(p.iter().map(&leaf).collect());
+        let levels = self.hyper_params.iter();
         StyleModel {
             hyper: self.hyper.clone(),
-            weights: [
-                weights(&self.hyper_params[0]),
-                weights(&self.hyper_params[1]),
-            ],
+            levels: levels.map(|level| level.each_ref().map(weights)).collect(),
             canvas: self.canvas.as_ref().map(|[inner, outer]| Canvas {
                 inner: leaf(inner),
                 outer: leaf(outer),
@@ -177,27 +187,42 @@ impl StyleStage {
     fn descend(&mut self, patch: &FrozenPatch, style: &Style, clock: &Clock) -> StyleReport {
         let model = self.model(AdamParam::tracked);
         let tracked = self.device.clone().autodiff();
-        let appearance = model.appearance(&self.config, &style.code, &tracked);
-        let colours = self.patches.averaged(patch.geometry.composite(&appearance));
-        let losses = if clock.progress() < f64::from(self.config.style.palette_share) {
-            self.palette_loss(colours, patch, style)
-        } else {
+        let looks = model.appearances(&self.config, &style.code, &tracked);
+        let palette = clock.progress() < f64::from(self.config.style.palette_share);
+        if !palette {
             if self.updates == 0 {
                 self.forget_moments();
             }
             self.updates += 1;
-            self.perceptual_losses(colours, patch, style)
+        }
+        // Every level has a loss of its own; the field's, which is rendered, is the last.
+        let mut report = StyleReport::default();
+        let losses = patch.levels.iter().zip(&looks).map(|(parts, look)| {
+            painted::loss_of(parts, look, |colours| {
+                let colours = self.patches.averaged(colours);
+                let losses = match palette {
+                    true => self.palette_loss(colours, patch, style),
+                    false => self.perceptual_losses(colours, patch, style),
+                };
+                report = losses.report(patch.rays());
+                losses.total
+            })
+        });
+        let total = losses.reduce(|sum, loss| sum + loss);
+        let Some(total) = total else {
+            return report;
         };
-        let mut gradients = losses.total.backward();
+        let mut gradients = total.backward();
         let mut taken = |leaf: &Tensor<1>| leaf.grad_remove(&mut gradients);
-        let layers = model.weights.iter().flat_map(|w| &w.0);
+        let layers = model.levels.iter().flatten().flat_map(|w| &w.0);
         let hyper: Vec<_> = layers.map(&mut taken).collect();
         let canvas = model.canvas.iter().flat_map(|c| [&c.inner, &c.outer]);
         let canvas: Vec<_> = canvas.map(&mut taken).collect();
         // Adam works in place only on what nobody else holds.
-        drop((model, appearance));
+        drop((model, looks));
         let (rate, canvas_rate) = self.rates(clock);
-        for (param, grad) in self.hyper_params.iter_mut().flatten().zip(hyper) {
+        let params = self.hyper_params.iter_mut().flatten().flatten();
+        for (param, grad) in params.zip(hyper) {
             if let Some(grad) = grad {
                 param.step(grad, rate, false);
             }
@@ -207,7 +232,7 @@ impl StyleStage {
                 param.step(grad, canvas_rate, true);
             }
         }
-        losses.report(patch.geometry.layout().rays.len())
+        report
     }
 
     /// Squared difference to the photo in the painting's colours.
@@ -223,10 +248,20 @@ impl StyleStage {
     fn perceptual_losses(&self, colours: Tensor<3>, patch: &FrozenPatch, style: &Style) -> Losses {
         let settings = &self.config.style;
         let traced = self.vgg.traced(colours.clone());
-        let (content, likeness) =
-            losses::content_and_style(&traced, &patch.features, &style.target);
-        let style_weight = settings.style_weight * self.patches.ease(&style.target);
-        let mut total = content.clone() * settings.content_weight + likeness.clone() * style_weight;
+        let (content, likeness) = losses::content_and_style(
+            &traced,
+            &patch.features,
+            &style.target,
+            settings.style_reduction,
+        );
+        let mut total = content.clone() * settings.content_weight;
+        if self.updates > settings.style_warmup {
+            let ease = match settings.weigh_paintings {
+                true => self.patches.ease(&style.target),
+                false => 1.0,
+            };
+            total = total + likeness.clone() * (settings.style_weight * ease);
+        }
         if settings.photo_weight > 0.0 {
             total = total + difference(colours, patch.pixels.clone()) * settings.photo_weight;
         }
@@ -241,7 +276,8 @@ impl StyleStage {
     /// are thousands of times larger.
     fn forget_moments(&mut self) {
         let fresh = |p: &mut AdamParam| *p = AdamParam::new(p.value());
-        self.hyper_params.iter_mut().flatten().for_each(fresh);
+        let hyper = self.hyper_params.iter_mut().flatten().flatten();
+        hyper.for_each(fresh);
         self.canvas.iter_mut().flatten().for_each(fresh);
     }
 
@@ -265,12 +301,12 @@ struct Losses {
 }
 
 impl Losses {
-    fn report(self, rays: usize) -> StyleReport {
-        let number = |t: Tensor<1>| f64::from(t.inner().into_scalar::<f32>());
+    fn report(&self, rays: usize) -> StyleReport {
+        let number = |t: &Tensor<1>| f64::from(t.clone().inner().into_scalar::<f32>());
         StyleReport {
-            loss: number(self.total),
-            content: self.content.map_or(0.0, number),
-            style: self.style.map_or(0.0, number),
+            loss: number(&self.total),
+            content: self.content.as_ref().map_or(0.0, number),
+            style: self.style.as_ref().map_or(0.0, number),
             rays,
         }
     }

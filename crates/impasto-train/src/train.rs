@@ -105,9 +105,6 @@ pub fn train(
 ) -> Result<TrainSummary, TrainError> {
     let start = Instant::now();
     options.config.validate()?;
-    if options.stages == Stages::All {
-        check_styled(&options.config)?;
-    }
     let load = LoadOptions {
         downscale: options.downscale,
         format: options.format,
@@ -166,7 +163,6 @@ pub fn train(
 fn continued(options: &TrainOptions, scene: &Scene) -> Result<ModelFile, TrainError> {
     let file = ModelFile::load(&options.output.join(MODEL_FILE), &Device::flex())?;
     check_same_scene(&file, scene)?;
-    check_styled(&file.config)?;
     Ok(file)
 }
 
@@ -215,19 +211,6 @@ fn check_sizes(scene: &Scene, options: &TrainOptions) -> Result<(), TrainError> 
         }),
         _ => Ok(()),
     }
-}
-
-/// The style stage knows nothing of a cascade's first field yet.
-fn check_styled(config: &TrainConfig) -> Result<(), TrainError> {
-    if config.field.cascade.is_none() {
-        return Ok(());
-    }
-    Err(TrainError::Setting {
-        key: "field.cascade".into(),
-        reason: "styles of a cascade come with a later version; use --stage geometry, or --preset \
-                 fast"
-            .into(),
-    })
 }
 
 /// A frozen field fits only the capture that it was made from: the same photos, split and poses.
@@ -407,7 +390,10 @@ impl Run<'_> {
         // The field stays as it was trained; only what concerns styles is taken from this run.
         file.config.style = self.options.config.style.clone();
         file.config.style_app = self.options.config.style_app.clone();
-        let (vgg, vae) = (Perceptual::vgg16()?, StyleVae::shipped()?);
+        let (vgg, vae) = (
+            Perceptual::vgg16()?,
+            file.config.encoder(StyleVae::shipped()?),
+        );
         let generated = if paintings.named.is_empty() {
             GENERATED_ALONE
         } else {

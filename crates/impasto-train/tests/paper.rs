@@ -147,7 +147,7 @@ fn hypernetwork(golden: &Golden, branch: &str) -> (Hypernetwork, HypernetworkWei
         ))
     });
     (
-        Hypernetwork::new(CODE, 16, app.layers()),
+        Hypernetwork::new(CODE, 16, app.layers(), 5),
         HypernetworkWeights(weights.into()),
     )
 }
@@ -390,6 +390,6 @@ fn numbers_of_parameters_are_the_papers() {
     assert_eq!(level, 340_680);
     let predicted: usize = app(true).layers().map(LayerSpec::params).sum();
     assert_eq!(predicted, 61_443);
-    let hypernetwork = Hypernetwork::new(512, 64, app(true).layers());
+    let hypernetwork = Hypernetwork::new(512, 64, app(true).layers(), 5);
     assert_eq!(hypernetwork.lengths().iter().sum::<usize>(), 4_178_755);
 }

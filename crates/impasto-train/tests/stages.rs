@@ -10,6 +10,7 @@ use impasto_paintings::{Family, Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
+use impasto_train::config::StyleConfig;
 use impasto_train::{
     Budget, Clock, Event, Frozen, GeometryStage, Model, ModelFile, ModelScene, Quality, Stages,
     StyleReport, StyleStage, TrainConfig, TrainOptions, photo_rays, style_set, train,
@@ -60,6 +61,16 @@ fn small_paper() -> TrainConfig {
     config.photo_app.latent = Some(8);
     config.geometry.network_rate = 5e-3;
     config.style_app.remap = true;
+    config.style_app.canvas = None;
+    config.style_app.shading = Shading::Samples;
+    config.style = StyleConfig {
+        patch: config.style.patch,
+        rate: 1e-3,
+        warm_up: 10,
+        rays_at_once: 256,
+        style_warmup: 5,
+        ..TrainConfig::paper().style
+    };
     config
 }
 
@@ -174,6 +185,40 @@ fn style_stage_learns_one_painting_by_heart() {
 }
 
 #[test]
+fn a_cascade_learns_one_painting_by_heart() {
+    let reports = paint_one(&small_paper(), 60);
+    let style = |part: &[StyleReport]| mean(part, |r| r.style);
+    let (first, last) = (style(&reports[..5]), style(&reports[50..]));
+    assert!(
+        last < 0.6 * first,
+        "style loss went from {first:.3} to {last:.3}"
+    );
+    let total = |r: &StyleReport| r.loss - r.content;
+    let weight = f64::from(small_paper().style.style_weight);
+    assert!(
+        total(&reports[4]) < 1.0 && total(&reports[5]) > 0.9 * weight * reports[5].style,
+        "the style loss joins after five updates"
+    );
+}
+
+#[test]
+fn a_patch_painted_in_turns_is_the_same_patch() {
+    for mut config in [small(), small_paper()] {
+        config.style.palette_share = 0.0;
+        let losses = [usize::MAX, 256].map(|turn| {
+            config.style.rays_at_once = turn;
+            paint_one(&config, 4)
+                .iter()
+                .map(|r| r.loss)
+                .collect::<Vec<_>>()
+        });
+        for (one, other) in losses[0].iter().zip(&losses[1]) {
+            assert!((one / other - 1.0).abs() < 1e-3, "{losses:?}");
+        }
+    }
+}
+
+#[test]
 fn style_stage_starts_with_the_palette() {
     let mut config = small();
     config.style.palette_share = 1.0;
@@ -237,9 +282,9 @@ fn write_and_read(config: TrainConfig) {
         scene: dir.path().to_owned(),
         output: output.clone(),
         styles: None,
-        stages: Stages::Geometry,
+        stages: Stages::All,
         config,
-        budget: Budget::Steps(20),
+        budget: Budget::Steps(30),
         downscale: 1,
         format: None,
         seed: 1,
@@ -255,7 +300,11 @@ fn write_and_read(config: TrainConfig) {
     assert!(summary.synthetic && summary.psnr.is_finite());
     let [one, two] = [(); 2].map(|()| Model::load(&output).unwrap());
     let camera = &scene.photos[0].camera;
-    let [one, two] = [&one, &two].map(|m| m.render(camera, &[&m.photo_look()]).pixels);
+    let painting = paint(&Recipe::nth_of(Family::ALL[2], 3), 64, 64);
+    let [one, two] = [&one, &two].map(|m| {
+        let look = m.look(&m.inspiration(&painting).unwrap()).unwrap();
+        m.render(camera, &[&m.photo_look(), &look]).pixels
+    });
     assert_eq!(one, two);
     assert!(!one[0].iter().any(|v| v.is_nan()));
     let log = std::fs::read_to_string(output.join("log.jsonl")).unwrap();

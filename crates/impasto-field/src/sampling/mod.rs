@@ -43,6 +43,18 @@ impl RayBatch {
         self.origins.is_empty()
     }
 
+    /// Some of the rays.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    #[must_use]
+    pub fn part(&self, rays: Range<usize>) -> Self {
+        Self {
+            origins: self.origins[rays.clone()].to_vec(),
+            directions: self.directions[rays].to_vec(),
+        }
+    }
+
     /// Adds a ray.
     pub fn push(&mut self, origin: [f32; 3], direction: [f32; 3]) {
         self.origins.push(origin);

@@ -1,0 +1,202 @@
+//! The presets.
+
+use super::{ContentTarget, GeometryConfig, StyleConfig, TrainConfig};
+use crate::config::checks::MOST_PATCH_RAYS;
+use impasto_field::{
+    AppearanceConfig, CascadeConfig, DensityActivation, EncodingConfig, FieldConfig,
+    SamplingConfig, Shading, VolumeConfig,
+};
+use impasto_style::{PatchStrides, StyleReduction};
+
+impl TrainConfig {
+    /// The default preset: hash grids, 64-wide networks, a canvas for strokes.
+    pub fn fast() -> Self {
+        let grid = |log2_entries, finest| EncodingConfig::HashGrid {
+            levels: 8,
+            features: 4,
+            log2_entries,
+            coarsest: 16.0,
+            finest,
+        };
+        let volume = |encoding| VolumeConfig {
+            encoding,
+            base: vec![64, 32],
+            geo: vec![],
+            latent: None,
+            density: DensityActivation::Exp,
+        };
+        Self {
+            field: FieldConfig {
+                inner: volume(grid(16, 1024.0)),
+                outer: volume(grid(16, 1024.0)),
+                sampling: SamplingConfig {
+                    samples: 32,
+                    explore: 0.8,
+                    inner_step: 0.02,
+                    outer_steps: 96,
+                    inner_grid: 96,
+                    outer_grid: 96,
+                    near: 0.05,
+                },
+                cascade: None,
+            },
+            photo_app: AppearanceConfig {
+                hidden: vec![32, 32],
+                layer_norm: false,
+                view_bands: Some(2),
+                canvas: None,
+                shading: Shading::Samples,
+                remap: false,
+                latent: None,
+            },
+            style_app: AppearanceConfig {
+                hidden: vec![64, 64],
+                layer_norm: true,
+                view_bands: Some(2),
+                canvas: Some(EncodingConfig::HashGrid {
+                    levels: 4,
+                    features: 4,
+                    log2_entries: 16,
+                    coarsest: 24.0,
+                    finest: 256.0,
+                }),
+                shading: Shading::Surface,
+                remap: false,
+                latent: None,
+            },
+            geometry: GeometryConfig {
+                samples: 30_000,
+                rays: [512, 8192],
+                rays_at_once: 8192,
+                grid_rate: 3e-2,
+                network_rate: 1.2e-2,
+                final_rate: 0.1,
+                distortion: 3e-3,
+                surface: 0.1,
+                surface_share: 0.1,
+                grid_every: 16,
+            },
+            style: StyleConfig {
+                style_weight: 60.0,
+                weigh_paintings: true,
+                style_reduction: StyleReduction::Concatenated,
+                style_warmup: 0,
+                content_weight: 1.0,
+                content_target: ContentTarget::Render,
+                view_dependent_style: false,
+                photo_weight: 0.0,
+                palette_share: 0.12,
+                palette_rate: 1e-3,
+                rate: 1e-3,
+                canvas_rate: 1e-2,
+                warm_up: 200,
+                final_rate: 0.1,
+                patch: [67, 81],
+                strides: PatchStrides::Scale([0.8, 1.4]),
+                supersampling: 2,
+                patch_uses: 32,
+                pool: 64,
+                least_weight: 5e-3,
+                novel_views: 0.5,
+                rays_at_once: MOST_PATCH_RAYS,
+                hyper_width: 64,
+                predicted_layers: 16,
+                weigh_codes: true,
+                // Chosen on paintings of the training set: style gain hardly changes between 1.25
+                // and 2.5, while more of them can be told apart the larger it is.
+                emphasis: 2.0,
+                // All the way lowers the style gain: the place has a say in where light and dark
+                // are.
+                palette_trust: 0.7,
+                virtual_share: 0.5,
+                generated: 300,
+            },
+            geometry_share: 0.2,
+        }
+    }
+}
+
+impl TrainConfig {
+    /// The paper's architecture and schedule (PAPER §2–8), with what its published implementation
+    /// adds. Two levels of the cascade, each with its own networks.
+    pub fn paper() -> Self {
+        let fast = Self::fast();
+        let volume = VolumeConfig {
+            encoding: EncodingConfig::Frequency { bands: 10 },
+            base: vec![128; 5],
+            latent: Some(64),
+            geo: vec![64],
+            density: DensityActivation::Abs,
+        };
+        let app = AppearanceConfig {
+            hidden: vec![128, 128, 64],
+            layer_norm: false,
+            view_bands: Some(4),
+            canvas: None,
+            shading: Shading::Samples,
+            remap: true,
+            latent: Some(64),
+        };
+        let patch = [67, 81];
+        Self {
+            field: FieldConfig {
+                inner: volume.clone(),
+                outer: volume,
+                sampling: SamplingConfig {
+                    near: 1e-4,
+                    ..fast.field.sampling
+                },
+                cascade: Some(CascadeConfig {
+                    first: 64,
+                    more: 128,
+                }),
+            },
+            style_app: AppearanceConfig {
+                layer_norm: true,
+                latent: None,
+                ..app.clone()
+            },
+            photo_app: app,
+            geometry: GeometryConfig {
+                rays: [patch[0] * patch[1]; 2],
+                rays_at_once: 256,
+                grid_rate: 5e-4,
+                network_rate: 5e-4,
+                final_rate: 1.0,
+                distortion: 0.0,
+                surface: 0.0,
+                surface_share: 0.0,
+                ..fast.geometry
+            },
+            style: StyleConfig {
+                style_weight: 15.0,
+                weigh_paintings: false,
+                style_warmup: 2000,
+                content_target: ContentTarget::Photo,
+                photo_weight: 1.0,
+                view_dependent_style: true,
+                palette_share: 0.0,
+                rate: 1e-3,
+                warm_up: 0,
+                final_rate: 1.0,
+                patch,
+                strides: PatchStrides::Paper([2, 3]),
+                supersampling: 1,
+                patch_uses: 1,
+                pool: 1,
+                least_weight: 0.0,
+                novel_views: 0.0,
+                rays_at_once: 256,
+                hyper_width: 64,
+                weigh_codes: false,
+                emphasis: 1.0,
+                palette_trust: 0.0,
+                virtual_share: 0.0,
+                generated: 0,
+                ..fast.style
+            },
+            // 250,000 of 350,000 steps.
+            geometry_share: 5.0 / 7.0,
+        }
+    }
+}
