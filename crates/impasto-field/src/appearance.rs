@@ -112,29 +112,38 @@ impl Appearance {
     }
 }
 
-/// Colours of one volume's samples.
-///
-/// # Shapes
-/// `features`: `[n, f]`; `views`: `n × 3` unit vectors; result: `[n, 3]` in `(0, 1)`.
-pub(crate) fn shade(
-    config: &AppearanceConfig,
-    weights: &Tensor<1>,
-    (canvas, latent): (Option<&Tensor<1>>, Option<&Tensor<1>>),
-    features: Tensor<2>,
-    (positions, views): (&Positions<'_>, &[f32]),
-) -> Tensor<2> {
-    let network = config.network(features.dims()[1], positions.dimensions);
-    let device = weights.device();
-    let mut inputs = Vec::new();
-    if let Some(bands) = config.view_bands {
-        inputs.push(matrix(
-            frequencies(views, 3, bands),
-            3 * (1 + 2 * bands),
-            &device,
-        ));
+impl Appearance {
+    /// Colours of one volume's samples, or `known` ones with the gradients that computing them
+    /// would have.
+    ///
+    /// # Shapes
+    /// `features`: `[n, f]`; `views`: `n × 3` unit vectors; result and `known`: `[n, 3]` in
+    /// `(0, 1)`.
+    pub(crate) fn shade(
+        &self,
+        features: Tensor<2>,
+        positions: &Positions<'_>,
+        views: &[f32],
+        known: Option<Tensor<2>>,
+    ) -> Tensor<2> {
+        let (config, canvas) = (&self.config, self.canvas.as_ref());
+        let (weights, canvas) = match positions.dimensions {
+            4 => (&self.outer, canvas.map(|c| &c.outer)),
+            _ => (&self.inner, canvas.map(|c| &c.inner)),
+        };
+        let network = config.network(features.dims()[1], positions.dimensions);
+        let device = weights.device();
+        let mut inputs = Vec::new();
+        if let Some(bands) = config.view_bands {
+            inputs.push(matrix(
+                frequencies(views, 3, bands),
+                3 * (1 + 2 * bands),
+                &device,
+            ));
+        }
+        if let (Some(encoding), Some(canvas)) = (&config.canvas, canvas) {
+            inputs.push(encode(encoding, canvas, positions));
+        }
+        network.forward(features, inputs, (weights, self.latent.as_ref()), known)
     }
-    if let (Some(encoding), Some(canvas)) = (&config.canvas, canvas) {
-        inputs.push(encode(encoding, canvas, positions));
-    }
-    network.forward(features, inputs, weights, latent)
 }

@@ -17,12 +17,12 @@ pub fn frequencies(rows: &[f32], dimensions: usize, bands: usize) -> Vec<f32> {
         .zip(rows.par_chunks_exact(dimensions))
         .for_each(|(out, x)| {
             out[..dimensions].copy_from_slice(x);
-            for band in 0..bands {
-                let at = dimensions * (1 + 2 * band);
-                for (axis, x) in x.iter().enumerate() {
-                    let (sin, cos) = (x * (1u32 << band) as f32).sin_cos();
-                    out[at + axis] = sin;
-                    out[at + dimensions + axis] = cos;
+            for (axis, x) in x.iter().enumerate() {
+                // Doubling an angle also doubles the error: harmless in double precision.
+                let (mut sin, mut cos) = f64::from(*x).sin_cos();
+                for at in (dimensions + axis..width).step_by(2 * dimensions) {
+                    (out[at], out[at + dimensions]) = (sin as f32, cos as f32);
+                    (sin, cos) = (2.0 * sin * cos, (cos - sin) * (cos + sin));
                 }
             }
         });

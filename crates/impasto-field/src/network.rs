@@ -160,17 +160,17 @@ impl AppNetwork {
         Tensor::cat(vec![first.reshape([inputs * outputs]), bias, rest], 0)
     }
 
-    /// Colours in `(0, 1)`.
+    /// Colours in `(0, 1)`, or `known` ones with the gradients that computing them would have.
     ///
     /// # Shapes
     /// `features`: `[n, f]`; `others`: further inputs, `[n, …]` each; `weights` and `latent`: as
-    /// of [`Self::folded`]; result: `[n, 3]`.
+    /// of [`Self::folded`]; result and `known`: `[n, 3]`.
     pub fn forward(
         &self,
         features: Tensor<2>,
         others: Vec<Tensor<2>>,
-        weights: &Tensor<1>,
-        latent: Option<&Tensor<1>>,
+        (weights, latent): (&Tensor<1>, Option<&Tensor<1>>),
+        known: Option<Tensor<2>>,
     ) -> Tensor<2> {
         let mut inputs = vec![features];
         inputs.extend(others);
@@ -178,7 +178,11 @@ impl AppNetwork {
             1 => inputs.remove(0),
             _ => Tensor::cat(inputs, 1),
         };
-        ops::mlp(input, self.folded(weights, latent), &self.chain)
+        let weights = self.folded(weights, latent);
+        match known {
+            Some(colours) => ops::mlp_again(input, weights, &self.chain, colours),
+            None => ops::mlp(input, weights, &self.chain),
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The one ray renderer: samples → features and density → colours → pixels.
 
-use crate::appearance::{Appearance, AppearanceConfig, Shading, shade};
+use crate::appearance::{Appearance, AppearanceConfig, Shading};
 use crate::encoding::matrix;
 use crate::field::{Field, FieldWeights, Grids};
 use crate::sampling::{RayBatch, Samples, cascade, march};
@@ -255,35 +255,44 @@ impl Geometry {
     /// # Shapes
     /// Result: `[rays, 6]` = RGB, opacity, Σ weight·depth, distortion.
     pub fn composite(&self, appearance: &Appearance) -> Tensor<2> {
-        let canvas = appearance.canvas.as_ref();
-        let colour = |features: &Tensor<2>, outer: bool| {
-            let (samples, dimensions, weights) = if outer {
-                (&self.samples.outer, 4, &appearance.outer)
-            } else {
-                (&self.samples.inner, 3, &appearance.inner)
-            };
-            let canvas = canvas.map(|c| if outer { &c.outer } else { &c.inner });
-            let inputs = (&samples.positions(dimensions), samples.views.as_slice());
-            shade(
-                &appearance.config,
-                weights,
-                (canvas, appearance.latent.as_ref()),
-                features.clone(),
-                inputs,
-            )
-        };
-        let volumes = [(&self.inner, false), (&self.outer, true)].into_iter();
-        let colours = volumes.filter_map(|(f, outer)| f.as_ref().map(|f| colour(f, outer)));
+        self.composite_colours(self.colours(appearance, None))
+    }
+
+    /// Colour of every sample, or `known` ones, of another graph, with the gradients that
+    /// computing them would have.
+    ///
+    /// # Shapes
+    /// Result and `known`: `[samples, 3]` in layout order.
+    pub fn colours(&self, appearance: &Appearance, known: Option<&Tensor<2>>) -> Tensor<2> {
+        let split = self.samples.inner.len();
+        let volumes = [
+            (&self.inner, &self.samples.inner, 3, 0..split),
+            (
+                &self.outer,
+                &self.samples.outer,
+                4,
+                split..self.samples.len(),
+            ),
+        ];
+        let colours = volumes
+            .into_iter()
+            .filter_map(|(features, samples, dimensions, range)| {
+                let known = known.map(|k| k.clone().slice_dim(0, range));
+                let positions = samples.positions(dimensions);
+                let features = features.clone()?;
+                Some(appearance.shade(features, &positions, &samples.views, known))
+            });
         let mut colours: Vec<_> = colours.collect();
-        let colours = match colours.len() {
+        match colours.len() {
             1 => colours.remove(0),
             _ => Tensor::cat(colours, 0),
-        };
-        ops::composite(
-            self.density.clone(),
-            colours,
-            Arc::clone(&self.samples.layout),
-        )
+        }
+    }
+
+    /// Composites samples of given colours, `[samples, 3]`; result as of [`Self::composite`].
+    pub fn composite_colours(&self, colours: Tensor<2>) -> Tensor<2> {
+        let layout = Arc::clone(&self.samples.layout);
+        ops::composite(self.density.clone(), colours, layout)
     }
 }
 

@@ -8,7 +8,7 @@ use impasto_field::{Appearance, Canvas, Geometry};
 /// `loss` gets the colours of all rays, `[rays, 6]` as [`Geometry::composite`] gives them, and
 /// returns one number; `parts` are the rays' geometry in order. The result has the loss's value
 /// and gradients. Of several parts, each goes through a graph of its own, twice: for its colours,
-/// then for what their gradient says of the look, so that the memory of one part is enough.
+/// then for what their gradient says of the look, so that the graph of one part is enough.
 pub fn loss_of(
     parts: &[Geometry],
     look: &Appearance,
@@ -18,21 +18,27 @@ pub fn loss_of(
         return loss(all.composite(look));
     }
     let fixed = mapped(look, Tensor::detach);
-    let colours: Vec<Tensor<2>> = parts.iter().map(|part| part.composite(&fixed)).collect();
-    let rays: Vec<usize> = colours.iter().map(|part| part.dims()[0]).collect();
-    let colours = Tensor::cat(colours, 0).detach().require_grad();
-    let loss = loss(colours.clone());
+    let colours: Vec<_> = parts
+        .iter()
+        .map(|part| part.colours(&fixed, None))
+        .collect();
+    let pixels = parts.iter().zip(&colours);
+    let pixels = pixels.map(|(part, colours)| part.composite_colours(colours.clone()));
+    let pixels = Tensor::cat(pixels.collect(), 0).detach().require_grad();
+    let loss = loss(pixels.clone());
     let value = loss.clone().detach();
-    let Some(wanted) = colours.grad(&loss.backward()) else {
+    let Some(wanted) = pixels.grad(&loss.backward()) else {
         return value;
     };
     let mut sums: Vec<Option<Tensor<1>>> = vec![None; leaves(look).len()];
     let mut start = 0;
-    for (part, rays) in parts.iter().zip(rays) {
+    for (part, colours) in parts.iter().zip(&colours) {
         let own = mapped(look, |weights| weights.detach().require_grad());
+        let rays = part.layout().rays.len();
         let wanted = wanted.clone().slice_dim(0, start..start + rays);
         start += rays;
-        let pulled = (part.composite(&own) * Tensor::from_inner(wanted)).sum();
+        let pixels = part.composite_colours(part.colours(&own, Some(colours)));
+        let pulled = (pixels * Tensor::from_inner(wanted)).sum();
         add(&mut sums, &own, pulled.backward());
     }
     // Zero, but with the gradients that were found.

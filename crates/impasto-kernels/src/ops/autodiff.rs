@@ -120,8 +120,22 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
     }
 
     fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self> {
+        let out = B::mlp(
+            x.clone().into_primitive(),
+            params.clone().into_primitive(),
+            spec.clone(),
+        );
+        Self::mlp_again(x, params, Self::FloatTensorPrimitive::new(out), spec)
+    }
+
+    fn mlp_again(
+        x: FloatTensor<Self>,
+        params: FloatTensor<Self>,
+        out: FloatTensor<Self>,
+        spec: MlpSpec,
+    ) -> FloatTensor<Self> {
         let ((x, x_node), (params, params_node)) = (x.into_parts(), params.into_parts());
-        let out = B::mlp(x.clone(), params.clone(), spec.clone());
+        let out = out.into_primitive();
         match Mlp
             .prepare::<C>([x_node, params_node])
             .compute_bound()

@@ -26,6 +26,13 @@ pub trait KernelOps: Backend {
     ) -> FloatTensor<Self>;
     /// See [`mlp`].
     fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self>;
+    /// See [`mlp_again`].
+    fn mlp_again(
+        x: FloatTensor<Self>,
+        params: FloatTensor<Self>,
+        out: FloatTensor<Self>,
+        spec: MlpSpec,
+    ) -> FloatTensor<Self>;
     /// See [`composite`].
     fn composite(
         sigma: FloatTensor<Self>,
@@ -190,6 +197,20 @@ pub fn mlp(x: Tensor<2>, params: Tensor<1>, spec: &MlpSpec) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as KernelOps>::mlp(
         x.into_dispatch(),
         params.into_dispatch(),
+        spec.clone(),
+    ))
+}
+
+/// [`mlp`] whose result is known from another graph: `out` comes back, with the gradients that
+/// computing it would have.
+///
+/// # Shapes
+/// As of [`mlp`]; `out`: `[n, outputs]`, of the same `x` and `params`.
+pub fn mlp_again(x: Tensor<2>, params: Tensor<1>, spec: &MlpSpec, out: Tensor<2>) -> Tensor<2> {
+    Tensor::from_dispatch(<Dispatch as KernelOps>::mlp_again(
+        x.into_dispatch(),
+        params.into_dispatch(),
+        out.into_dispatch(),
         spec.clone(),
     ))
 }
