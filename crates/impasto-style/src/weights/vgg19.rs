@@ -80,7 +80,11 @@ pub enum Scheme {
 }
 
 impl Scheme {
-    fn of(checkpoint: &Checkpoint) -> Result<Self, StyleError> {
+    /// How `checkpoint` keeps the network, by its names.
+    ///
+    /// # Errors
+    /// If it has neither scheme's first layer.
+    pub fn of(checkpoint: &Checkpoint) -> Result<Self, StyleError> {
         if checkpoint.shape("features.0.weight").is_some() {
             Ok(Self::Torchvision)
         } else if checkpoint.shape("0.weight").is_some() {
