@@ -100,6 +100,18 @@ fn a_checkpoint_becomes_an_installed_network() {
     assert_eq!(listed["vgg19"]["state"], "whole");
     assert_eq!(listed["vgg19"]["sha256"], added["sha256"]);
 
+    // The installed file is one that can be installed elsewhere.
+    fs::rename(
+        folder.join("kept/vgg19.safetensors"),
+        folder.join("copy.safetensors"),
+    )
+    .unwrap();
+    let copied = answer(&weights(folder, &["--add", "copy.safetensors", "--json"]));
+    assert_eq!(
+        (&copied["sha256"], &copied["pictures"]),
+        (&added["sha256"], &json!(0))
+    );
+
     // Another one takes its place; nothing else is left in the folder.
     let mut tensors = random_vgg19(6, "", SEQUENTIAL);
     let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];

@@ -1,12 +1,13 @@
 //! `impasto weights --add`: from a checkpoint to an installed network.
 
 use std::fs::{self, File};
+use std::io;
 use std::path::Path;
 
 use image::RgbImage;
 use impasto::paintings::{Recipe, paint};
 use impasto::scene::builtin::{BuiltinOptions, cameras, render};
-use impasto::weights::{Checkpoint, Scheme, VGG19_FILE, normalise, sha256};
+use impasto::weights::{Checkpoint, Form, Scheme, VGG19_FILE, inspect_vgg19, normalise, sha256};
 use serde_json::json;
 
 use crate::cli::{Answer, CliError, console, to_json};
@@ -34,38 +35,30 @@ pub fn run(file: &Path, folder: &Path) -> Result<Answer, CliError> {
 
 /// Installs the checkpoint in `file`, which messages call `name`.
 pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliError> {
-    let open = || {
-        let unreadable = |source| CliError::Read {
-            path: file.to_owned(),
-            source,
-        };
-        File::open(file).map_err(unreadable)
-    };
-    check_named_digest(name, || {
-        sha256(open()?).map_err(|source| CliError::Read {
-            path: file.to_owned(),
-            source,
-        })
-    })?;
+    let open = || File::open(file).map_err(unreadable(file));
+    check_named_digest(name, || sha256(open()?).map_err(unreadable(file)))?;
     let mut checkpoint = Checkpoint::read(name, open()?)?;
     let (form, tensors) = (checkpoint.form(), checkpoint.len());
-    let scheme = Scheme::of(&checkpoint)?;
-    console::note(format_args!(
-        "{name}: {form}, {tensors} tensors, {}",
-        kind(scheme)
-    ));
-    let pictures = match scheme {
-        Scheme::Torchvision => {
-            console::note(format_args!(
-                "measuring activations on {PAINTINGS} generated paintings and {} photos of the \
-                 built-in synthetic scene",
-                PHOTOS.photos
-            ));
-            pictures()
+    // A copy from another machine's folder is installed as it is.
+    let copied = (form == Form::Safetensors).then(|| inspect_vgg19(file).ok());
+    let (bytes, facts, pictures) = match copied.flatten() {
+        Some(facts) => {
+            console::note(format_args!("{name}: an installed VGG-19"));
+            let bytes = fs::read(file).map_err(unreadable(file))?;
+            (bytes, facts, 0)
         }
-        Scheme::Normalised => Vec::new(),
+        None => {
+            let scheme = Scheme::of(&checkpoint)?;
+            let kind = match scheme {
+                Scheme::Torchvision => "torchvision's VGG-19",
+                Scheme::Normalised => "a VGG-19 normalised for style transfer",
+            };
+            console::note(format_args!("{name}: {form}, {tensors} tensors, {kind}"));
+            let pictures = pictures_for(scheme);
+            let (bytes, facts) = normalise(&mut checkpoint, &pictures)?;
+            (bytes, facts, pictures.len())
+        }
     };
-    let (bytes, facts) = normalise(&mut checkpoint, &pictures)?;
     let path = folder.join(VGG19_FILE);
     write_file(&path, |at| {
         fs::write(at, &bytes).map_err(CliError::write(&path))
@@ -78,7 +71,7 @@ pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliErro
             "form": form.to_string(),
             "tensors": tensors,
             "made_from": to_json(&facts.made_from),
-            "pictures": pictures.len(),
+            "pictures": pictures,
             "path": path,
             "bytes": bytes.len(),
             "sha256": facts.sha256,
@@ -86,20 +79,27 @@ pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliErro
     })
 }
 
-fn kind(scheme: Scheme) -> &'static str {
-    match scheme {
-        Scheme::Torchvision => "torchvision's VGG-19",
-        Scheme::Normalised => "a VGG-19 normalised for style transfer",
+/// What a checkpoint's activations have to be measured on: paintings and photos that need no
+/// download and are the same on every machine.
+fn pictures_for(scheme: Scheme) -> Vec<RgbImage> {
+    if scheme == Scheme::Normalised {
+        return Vec::new();
     }
-}
-
-/// Paintings and photos that need no download and are the same on every machine.
-fn pictures() -> Vec<RgbImage> {
+    console::note(format_args!(
+        "measuring activations on {PAINTINGS} generated paintings and {} photos of the built-in \
+         synthetic scene",
+        PHOTOS.photos
+    ));
     let paintings = (0..PAINTINGS).map(|seed| paint(&Recipe::random(seed), SIDE, SIDE));
     let photos = cameras(&PHOTOS)
         .into_iter()
         .map(|camera| render(&camera).pixels);
     paintings.chain(photos).collect()
+}
+
+fn unreadable(file: &Path) -> impl FnOnce(io::Error) -> CliError {
+    let path = file.to_owned();
+    |source| CliError::Read { path, source }
 }
 
 /// The beginning of a file's SHA-256 in its name, as PyTorch names files: `vgg19-dcbb9e9d.pth`.

@@ -63,7 +63,7 @@ fn list(folder: &Path) -> Answer {
                 "damaged"
             },
             weights.file,
-            megabytes(weights.bytes.len() as u64),
+            size(weights.bytes.len() as u64),
             weights.sha256,
             weights.source,
             weights.licence,
@@ -106,7 +106,7 @@ fn installed(path: &Path) -> (Value, String) {
             facts["bytes"] = bytes.into();
             facts["sha256"] = found.sha256.clone().into();
             facts["made_from"] = to_json(&found.made_from);
-            let size = megabytes(bytes);
+            let size = size(bytes);
             let line = format!(
                 "whole)\n    {VGG19_FILE}, {size}, SHA-256 of its numbers {}",
                 found.sha256
@@ -121,6 +121,9 @@ fn installed(path: &Path) -> (Value, String) {
     }
 }
 
-fn megabytes(bytes: u64) -> String {
-    format!("{:.1} MB", bytes as f64 / 1e6)
+fn size(bytes: u64) -> String {
+    match bytes {
+        0..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
+        _ => format!("{:.1} MB", bytes as f64 / 1e6),
+    }
 }

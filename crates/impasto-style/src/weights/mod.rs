@@ -1,6 +1,7 @@
 //! Files of weights: those that are shipped, those that users bring, and where the latter lie.
 
 mod checkpoint;
+mod installed;
 mod number;
 mod pickle;
 mod source;
@@ -9,7 +10,8 @@ mod vgg19;
 mod zip;
 
 pub use checkpoint::{Checkpoint, Form};
-pub use vgg19::{Scheme, Vgg19Facts, inspect_vgg19, normalise};
+pub use installed::{Vgg19Facts, inspect_vgg19};
+pub use vgg19::{Scheme, normalise};
 
 use crate::{StyleError, perceptual, vae};
 use sha2::{Digest, Sha256};

@@ -14,7 +14,7 @@ pub(crate) struct Source {
 
 impl Source {
     pub(crate) fn new(mut reader: Box<dyn ReadSeek>) -> Result<Self, String> {
-        let length = reader.seek(SeekFrom::End(0)).map_err(unreadable)?;
+        let length = reader.seek(SeekFrom::End(0)).map_err(|e| unreadable(&e))?;
         Ok(Self { reader, length })
     }
 
@@ -37,13 +37,15 @@ impl Source {
         let size = usize::try_from(length).map_err(|_| "is too large for this machine")?;
         self.reader
             .seek(SeekFrom::Start(start))
-            .map_err(unreadable)?;
+            .map_err(|e| unreadable(&e))?;
         let mut bytes = vec![0; size];
-        self.reader.read_exact(&mut bytes).map_err(unreadable)?;
+        self.reader
+            .read_exact(&mut bytes)
+            .map_err(|e| unreadable(&e))?;
         Ok(bytes)
     }
 }
 
-fn unreadable(error: std::io::Error) -> String {
+fn unreadable(error: &std::io::Error) -> String {
     format!("cannot be read ({error})")
 }
