@@ -241,6 +241,21 @@ fn a_download_that_fails_leaves_nothing_and_says_what_to_do() {
     );
 }
 
+#[cfg(unix)]
+#[test]
+fn a_folder_whose_name_is_no_text_is_listed() {
+    use std::os::unix::ffi::OsStrExt;
+    let output = Command::new(env!("CARGO_BIN_EXE_impasto"))
+        .args(["weights", "--json"])
+        .env(
+            "IMPASTO_WEIGHTS",
+            std::ffi::OsStr::from_bytes(b"no\xfftext"),
+        )
+        .output()
+        .unwrap();
+    assert_eq!(answer(&output)["vgg19"]["state"], "missing");
+}
+
 #[test]
 fn adding_and_fetching_at_once_is_wrong_usage() {
     let folder = tempfile::tempdir().unwrap();

@@ -72,7 +72,7 @@ pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliErro
             "tensors": tensors,
             "made_from": to_json(&facts.made_from),
             "pictures": pictures,
-            "path": path,
+            "path": path.display().to_string(),
             "bytes": bytes.len(),
             "sha256": facts.sha256,
         }),

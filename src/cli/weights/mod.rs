@@ -74,7 +74,7 @@ fn list(folder: &Path) -> Answer {
         "installed in {}\n  VGG-19, conv1_1 to conv4_1 ({line}\n    {VGG_SOURCE}, {VGG_LICENCE}",
         folder.display()
     );
-    let json = json!({"folder": folder, "shipped": shipped, "vgg19": vgg19});
+    let json = json!({"folder": folder.display().to_string(), "shipped": shipped, "vgg19": vgg19});
     Answer { text, json }
 }
 
@@ -92,7 +92,8 @@ fn describe(weights: &Shipped) -> Value {
 
 /// What is to be said of the installed VGG-19, for programs and for people.
 fn installed(path: &Path) -> (Value, String) {
-    let mut facts = json!({"path": path, "source": VGG_SOURCE, "licence": VGG_LICENCE});
+    let mut facts =
+        json!({"path": path.display().to_string(), "source": VGG_SOURCE, "licence": VGG_LICENCE});
     if !path.exists() {
         facts["state"] = "missing".into();
         let how = "not there)\n    `impasto weights --fetch vgg19` downloads it, --add FILE takes \
