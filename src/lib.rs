@@ -34,7 +34,7 @@
 pub use impasto_eval as eval;
 pub use impasto_paintings as paintings;
 pub use impasto_scene as scene;
-pub use impasto_style::{StyleCode, StyleError};
+pub use impasto_style::{StyleCode, StyleError, weights};
 pub use impasto_train::{
     Budget, Event, Inspiration, Look, Model, ModelPhoto, ModelScene, RenderedView, Stage, Stages,
     TrainConfig, TrainError, TrainOptions, TrainSummary, read_paintings, train,

@@ -11,6 +11,7 @@ mod render;
 mod settings;
 mod train;
 mod values;
+mod weights;
 
 pub use error::CliError;
 
@@ -37,6 +38,7 @@ enum Command {
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
     Info(info::InfoArgs),
+    Weights(weights::WeightsArgs),
     Bench(bench::BenchArgs),
 }
 
@@ -61,6 +63,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Info(args) => info::run(args),
+        Command::Weights(args) => weights::run(args),
         Command::Bench(args) => bench::run(args),
     };
     match answer {

@@ -69,6 +69,29 @@ impl Drop for Face {
     }
 }
 
+/// Shows how much of a file has arrived.
+pub struct Download {
+    face: Face,
+    length: u64,
+}
+
+impl Download {
+    /// Of a file of about `length` bytes.
+    pub fn new(length: u64) -> Self {
+        Self {
+            face: Face::new("download"),
+            length,
+        }
+    }
+
+    /// Shows that `bytes` are there.
+    pub fn show(&mut self, bytes: u64) {
+        let progress = (bytes as f64 / self.length as f64).min(1.0);
+        self.face
+            .show(progress, format!("{:.0} MB", bytes as f64 / 1e6));
+    }
+}
+
 /// Shows training by its events alone.
 #[derive(Default)]
 pub struct Training {

@@ -17,5 +17,6 @@ pub use cpu::density_grid::DensityGrid;
 pub use cpu::hash_grid::HashGridSpec;
 pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
 
-pub use cpu::perceptual::{ConvLayer, PerceptualStack};
+pub use cpu::convolution::ConvLayer;
+pub use cpu::perceptual::{Border, OddEnd, PerceptualStack};
 pub use cpu::radiance::{Density, RadianceSpec, Volume, VolumeSpec};

@@ -3,153 +3,11 @@
 mod common;
 
 use burn::tensor::Tensor;
+use common::convnet::*;
 use common::*;
 use impasto_kernels::{ConvLayer, PerceptualStack, ops};
 use std::path::Path;
 use std::sync::Arc;
-
-/// One convolution of a test's stack.
-struct Conv {
-    inputs: usize,
-    weight: Vec<f32>,
-    bias: Vec<f32>,
-    pool_before: bool,
-    statistics: bool,
-}
-
-const SCALE: f32 = 2.5;
-const OFFSET: [f32; 3] = [1.1, 0.7, 1.4];
-
-/// Random filters for a chain of channels from RGB on.
-fn random_stack(seed: u64, channels: &[usize], pools: &[usize], statistics: &[usize]) -> Vec<Conv> {
-    let mut inputs = 3;
-    let mut layers = Vec::new();
-    for (i, outputs) in channels.iter().copied().enumerate() {
-        let bound = (2.0 / inputs as f32).sqrt() / 2.0;
-        let seed = seed * 100 + i as u64;
-        layers.push(Conv {
-            inputs,
-            weight: numbers(seed, outputs * inputs * 9, -bound..bound),
-            bias: numbers(seed + 50, outputs, -0.3..0.5),
-            pool_before: pools.contains(&i),
-            statistics: statistics.contains(&i),
-        });
-        inputs = outputs;
-    }
-    layers
-}
-
-fn stack(layers: &[Conv]) -> PerceptualStack {
-    let layers = layers
-        .iter()
-        .map(|l| ConvLayer::new(&l.weight, l.bias.clone(), l.pool_before, l.statistics))
-        .collect();
-    PerceptualStack::new(layers, SCALE, OFFSET)
-}
-
-/// Like VGG's first blocks, with a handful of channels: smallest image 8 × 8.
-fn small_vgg(seed: u64) -> Vec<Conv> {
-    random_stack(seed, &[4, 5, 6, 4, 7, 5], &[2, 4, 5], &[0, 2, 4, 5])
-}
-
-/// A channels-last image in double precision.
-#[derive(Clone)]
-struct Image {
-    height: usize,
-    width: usize,
-    channels: usize,
-    data: Vec<f64>,
-}
-
-impl Image {
-    /// Zero outside.
-    fn get(&self, y: isize, x: isize, c: usize) -> f64 {
-        let inside = |at: isize, size: usize| (0..size as isize).contains(&at);
-        if inside(y, self.height) && inside(x, self.width) {
-            self.data[(y as usize * self.width + x as usize) * self.channels + c]
-        } else {
-            0.0
-        }
-    }
-
-    /// An image of `f(y, x, channel)`.
-    fn of(
-        [height, width, channels]: [usize; 3],
-        mut f: impl FnMut(isize, isize, usize) -> f64,
-    ) -> Self {
-        let mut data = Vec::new();
-        for y in 0..height {
-            for x in 0..width {
-                data.extend((0..channels).map(|c| f(y as isize, x as isize, c)));
-            }
-        }
-        Self {
-            height,
-            width,
-            channels,
-            data,
-        }
-    }
-
-    fn statistics(&self, c: usize) -> (f64, f64) {
-        let values: Vec<f64> = self
-            .data
-            .iter()
-            .skip(c)
-            .step_by(self.channels)
-            .copied()
-            .collect();
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let sum: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        (mean, (sum / (n - 1.0).max(1.0) + 1e-5).sqrt())
-    }
-}
-
-/// The stack's features by direct convolution, and how near it came to a kink of relu or pool.
-fn twin(layers: &[Conv], image: &[f64], height: usize, width: usize) -> (Vec<f64>, f64) {
-    let mut margin = f64::MAX;
-    let mut current = Image::of([height, width, 3], |y, x, c| {
-        let value = image[(y as usize * width + x as usize) * 3 + c];
-        value * f64::from(SCALE) - f64::from(OFFSET[c])
-    });
-    let mut statistics = Vec::new();
-    for layer in layers {
-        if layer.pool_before {
-            let shape = [current.height / 2, current.width / 2, current.channels];
-            current = Image::of(shape, |y, x, c| {
-                let mut window = [(0, 0), (0, 1), (1, 0), (1, 1)]
-                    .map(|(dy, dx)| current.get(2 * y + dy, 2 * x + dx, c));
-                window.sort_by(f64::total_cmp);
-                if window[3] > 0.0 {
-                    margin = margin.min(window[3] - window[2]);
-                }
-                window[3]
-            });
-        }
-        let shape = [current.height, current.width, layer.bias.len()];
-        current = Image::of(shape, |y, x, o| {
-            let mut sum = f64::from(layer.bias[o]);
-            for i in 0..layer.inputs {
-                for tap in 0..9 {
-                    let weight = layer.weight[(o * layer.inputs + i) * 9 + tap];
-                    let (dy, dx) = (tap as isize / 3 - 1, tap as isize % 3 - 1);
-                    sum += f64::from(weight) * current.get(y + dy, x + dx, i);
-                }
-            }
-            margin = margin.min(sum.abs());
-            sum.max(0.0)
-        });
-        if layer.statistics {
-            let pairs: Vec<_> = (0..current.channels)
-                .map(|c| current.statistics(c))
-                .collect();
-            statistics.extend(pairs.iter().map(|p| p.0));
-            statistics.extend(pairs.iter().map(|p| p.1));
-        }
-    }
-    ([current.data, statistics].concat(), margin)
-}
 
 #[test]
 fn equals_its_twin() {
@@ -179,12 +37,6 @@ fn equals_its_twin() {
             1e-5,
         );
     }
-}
-
-/// Enough channels for several strips and for the filtering of large images, a last strip that is
-/// not full, and a small image behind the pool.
-fn wide_stack(seed: u64) -> Vec<Conv> {
-    random_stack(seed, &[40, 70, 130, 36], &[3], &[1, 3])
 }
 
 #[test]

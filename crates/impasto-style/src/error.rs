@@ -1,3 +1,6 @@
+use std::io;
+use std::path::PathBuf;
+
 /// Why style data could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StyleError {
@@ -9,6 +12,27 @@ pub enum StyleError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A weight file cannot be read.
+    #[error("{}: cannot be read ({source})", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// There is no VGG-19 on this machine.
+    #[error(
+        "VGG-19 is not installed (there is no {}); run `impasto weights --fetch vgg19`, or `impasto \
+         weights --add FILE` with a file that you have",
+        path.display()
+    )]
+    NotInstalled {
+        /// Where it was looked for.
+        path: PathBuf,
+    },
+    /// Nowhere to keep weights.
+    #[error("no folder for weights is known; set IMPASTO_WEIGHTS to one")]
+    NoFolder,
     /// An image is too small to have style.
     #[error(
         "an image of {width}×{height} pixels is too small, at least {least} pixels a side are needed"

@@ -13,6 +13,7 @@ mod picture;
 mod tensors;
 mod vae;
 mod vae_training;
+pub mod weights;
 
 pub use error::StyleError;
 pub use hypernetwork::{Hypernetwork, HypernetworkWeights};

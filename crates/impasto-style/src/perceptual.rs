@@ -1,15 +1,20 @@
-//! VGG-16 features (Simonyan & Zisserman 2015), normalised as in Gatys et al. 2016: every filter
-//! is rescaled so that its mean activation over photos and paintings is 1.
+//! VGG features (Simonyan & Zisserman 2015), normalised as in Gatys et al. 2016: every filter is
+//! rescaled so that its mean activation over photos and paintings is 1. VGG-16 is here, VGG-19 is
+//! in [`crate::weights`].
 
 use crate::{StyleError, TensorFile};
 use burn::tensor::Tensor;
 use impasto_kernels::{ConvLayer, PerceptualStack, ops};
 use std::sync::Arc;
 
+pub(crate) const VGG16_FILE: &str = "vgg16_conv1_1_to_conv4_1_f16.safetensors";
+pub(crate) const MEANS_FILE: &str = "vgg16_mean_activations_f16.safetensors";
 /// The shipped filters, see `assets/ATTRIBUTION.md`.
-const VGG16: &[u8] = include_bytes!("../../../assets/vgg16_conv1_1_to_conv4_1_f16.safetensors");
+pub(crate) const VGG16: &[u8] =
+    include_bytes!("../../../assets/vgg16_conv1_1_to_conv4_1_f16.safetensors");
 /// Mean activation of every filter, made by `examples/measure_activations.rs`.
-const MEANS: &[u8] = include_bytes!("../../../assets/vgg16_mean_activations_f16.safetensors");
+pub(crate) const MEANS: &[u8] =
+    include_bytes!("../../../assets/vgg16_mean_activations_f16.safetensors");
 
 /// Layer, whether a pool comes before it, whether its statistics are part of a style.
 const LAYERS: [(&str, bool, bool); 8] = [
@@ -90,14 +95,14 @@ impl Perceptual {
     /// # Errors
     /// If an asset is damaged.
     pub fn vgg16() -> Result<Self, StyleError> {
-        let means = TensorFile::open("vgg16_mean_activations_f16.safetensors", MEANS)?;
+        let means = TensorFile::open(MEANS_FILE, MEANS)?;
         Self::with_means(|layer| means.floats(layer))
     }
 
     fn with_means(
         means: impl Fn(&str) -> Result<Vec<f32>, StyleError>,
     ) -> Result<Self, StyleError> {
-        let file = TensorFile::open("vgg16_conv1_1_to_conv4_1_f16.safetensors", VGG16)?;
+        let file = TensorFile::open(VGG16_FILE, VGG16)?;
         let mut inputs = vec![1.0f32; 3];
         let mut layers = Vec::with_capacity(LAYERS.len());
         for (name, pool_before, statistics) in LAYERS {
@@ -110,19 +115,19 @@ impl Perceptual {
             if name == "conv1_1" {
                 reverse_channels(&mut weight);
             }
-            for (o, filter) in weight.chunks_exact_mut(inputs.len() * 9).enumerate() {
-                for (tap, w) in filter.iter_mut().enumerate() {
-                    *w *= inputs[tap / 9] / scale[o];
-                }
-                bias[o] /= scale[o];
-            }
+            rescale(&mut weight, &mut bias, &inputs, &scale);
             layers.push(ConvLayer::new(&weight, bias, pool_before, statistics));
             inputs = scale;
         }
         let stack = PerceptualStack::new(layers, 255.0, MEAN_COLOUR);
-        Ok(Self {
+        Ok(Self::of_stack(stack))
+    }
+
+    /// A normalised stack whose statistics are those of [`Statistics`].
+    pub(crate) fn of_stack(stack: PerceptualStack) -> Self {
+        Self {
             stack: Arc::new(stack),
-        })
+        }
     }
 
     /// Names of all layers with the stack of the layers up to each, statistics of the last one
@@ -131,7 +136,7 @@ impl Perceptual {
     /// # Errors
     /// If the asset is damaged.
     pub fn raw_prefixes() -> Result<Vec<(&'static str, PerceptualStack)>, StyleError> {
-        let file = TensorFile::open("vgg16_conv1_1_to_conv4_1_f16.safetensors", VGG16)?;
+        let file = TensorFile::open(VGG16_FILE, VGG16)?;
         (1..=LAYERS.len())
             .map(|count| {
                 let layers = LAYERS[..count]
@@ -162,7 +167,7 @@ impl Perceptual {
     /// Features of an image, `height × width × 3` in `[0, 1]`, without gradients.
     ///
     /// # Errors
-    /// If a side has fewer than 8 pixels.
+    /// If a side has fewer than 8 pixels (VGG-19: 9).
     pub fn features(
         &self,
         image: &[f32],
@@ -188,9 +193,19 @@ impl Perceptual {
     /// The same in an autodiff graph: content feature, then statistics, as one vector.
     ///
     /// # Shapes
-    /// `image`: `[height, width, 3]`, at least 8 pixels a side.
+    /// `image`: `[height, width, 3]`, at least 8 pixels a side (VGG-19: 9).
     pub fn traced(&self, image: Tensor<3>) -> Tensor<1> {
         ops::perceptual(image, Arc::clone(&self.stack))
+    }
+}
+
+/// Divides a layer's outputs by `scale`, when its inputs were divided by `inputs` before.
+pub(crate) fn rescale(weight: &mut [f32], bias: &mut [f32], inputs: &[f32], scale: &[f32]) {
+    for (o, filter) in weight.chunks_exact_mut(inputs.len() * 9).enumerate() {
+        for (tap, w) in filter.iter_mut().enumerate() {
+            *w *= inputs[tap / 9] / scale[o];
+        }
+        bias[o] /= scale[o];
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod adam;
 pub mod composite;
+pub mod convolution;
 pub mod density_grid;
 pub mod hash_grid;
 pub mod mlp;
@@ -12,4 +13,5 @@ pub mod radiance;
 mod math;
 mod padded;
 mod product;
+mod statistics;
 mod winograd;

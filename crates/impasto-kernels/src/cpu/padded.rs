@@ -1,8 +1,9 @@
 //! Channels-last images with a border, and 2×2 max-pooling of them.
 
+use super::perceptual::OddEnd;
 use rayon::prelude::*;
 
-/// A channels-last image with a border of one zero pixel.
+/// A channels-last image with a border of one pixel, zero unless it was filled.
 #[derive(Debug, Clone)]
 pub(crate) struct Padded {
     pub(crate) height: usize,
@@ -69,19 +70,71 @@ impl Padded {
             .with_min_len(4)
     }
 
-    /// The first and second, third and fourth row and so on, without their borders.
+    /// The first and second, third and fourth row and so on, without their left borders. With an
+    /// odd height the lower border is the last one's second row.
     pub(crate) fn par_row_pairs_mut(
         &mut self,
     ) -> impl IndexedParallelIterator<Item = [&mut [f32]; 2]> {
         let (stride, channels) = (self.stride(), self.channels);
         let pairs = self.data[stride..].par_chunks_exact_mut(2 * stride);
         pairs
-            .take(self.height / 2)
             .map(move |pair| {
                 let (upper, lower) = pair.split_at_mut(stride);
-                [upper, lower].map(|row| &mut row[channels..stride - channels])
+                [upper, lower].map(|row| &mut row[channels..])
             })
             .with_min_len(2)
+    }
+
+    /// Fills the border with what lies two pixels further inside: corners too, and without
+    /// repeating the outermost pixels. Both sides are at least 2.
+    pub(crate) fn mirror_border(&mut self) {
+        let (stride, channels) = (self.stride(), self.channels);
+        for y in 0..self.height {
+            let start = self.at(y, 0) - channels;
+            let row = &mut self.data[start..start + stride];
+            row.copy_within(2 * channels..3 * channels, 0);
+            let inner = stride - 3 * channels;
+            row.copy_within(inner..inner + channels, stride - channels);
+        }
+        self.data.copy_within(2 * stride..3 * stride, 0);
+        let inner = (self.height - 1) * stride;
+        self.data
+            .copy_within(inner..inner + stride, (self.height + 1) * stride);
+    }
+
+    /// The same image with its zero border as part of it, inside another one.
+    pub(crate) fn widened(&self) -> Self {
+        let mut wide = Self::zeros(self.height + 2, self.width + 2, self.channels);
+        for y in 0..self.height {
+            let (at, row) = (wide.at(y + 1, 1), self.row(y));
+            wide.data[at..at + row.len()].copy_from_slice(row);
+        }
+        wide
+    }
+
+    /// What is left when the outermost pixels are added to those that [`Padded::mirror_border`]
+    /// fills them from: its transpose, for an image that has its border inside.
+    pub(crate) fn folded_back(&self) -> Self {
+        let (height, width, channels) = (self.height - 2, self.width - 2, self.channels);
+        let mut folded = Self::zeros(height, width, channels);
+        folded.par_rows_mut().enumerate().for_each(|(y, out)| {
+            let mirrored = [(y == 1, 0), (y + 2 == height, height + 1)];
+            let others = mirrored
+                .into_iter()
+                .filter_map(|(is, row)| is.then_some(row));
+            for from in std::iter::once(y + 1).chain(others) {
+                let row = self.row(from);
+                let mut add = |x: usize, from: usize| {
+                    let from = &row[from * channels..][..channels];
+                    let to = &mut out[x * channels..][..channels];
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+                };
+                (0..width).for_each(|x| add(x, x + 1));
+                add(1, 0);
+                add(width - 2, width + 1);
+            }
+        });
+        folded
     }
 
     pub(crate) fn clear_border(&mut self) {
@@ -93,12 +146,35 @@ impl Padded {
     }
 }
 
-/// The largest of every 2×2 pixels; what is left over at an odd end is dropped.
-pub(crate) fn pool(input: &Padded) -> Padded {
+impl OddEnd {
+    /// What pooling leaves of a side.
+    pub(crate) fn pooled(self, size: usize) -> usize {
+        match self {
+            Self::Dropped => size / 2,
+            Self::Kept => size.div_ceil(2),
+        }
+    }
+}
+
+/// The rows under a pooled one; an odd last row stands for both.
+fn rows_under(input: &Padded, y: usize) -> (&[f32], &[f32]) {
+    let below = (2 * y + 1).min(input.height - 1);
+    (input.row(2 * y), input.row(below))
+}
+
+/// The largest of every 2×2 pixels.
+pub(crate) fn pool(input: &Padded, odd_end: OddEnd) -> Padded {
     let channels = input.channels;
-    let mut out = Padded::zeros(input.height / 2, input.width / 2, channels);
+    let (height, width) = (odd_end.pooled(input.height), odd_end.pooled(input.width));
+    let mut out = Padded::zeros(height, width, channels);
     out.par_rows_mut().enumerate().for_each(|(y, out)| {
-        let (top, bottom) = (input.row(2 * y), input.row(2 * y + 1));
+        let (top, bottom) = rows_under(input, y);
+        if 2 * width > input.width {
+            let (last, single) = ((width - 1) * channels, (input.width - 1) * channels);
+            for i in 0..channels {
+                out[last + i] = top[single + i].max(bottom[single + i]);
+            }
+        }
         let pixels = out.chunks_exact_mut(channels);
         let pairs = top
             .chunks_exact(2 * channels)
@@ -122,15 +198,17 @@ pub(crate) fn pool_backward(input: &Padded, pooled: &Padded, grad: &Padded) -> P
         .take(grads)
         .enumerate()
         .for_each(|(y, [upper, lower])| {
-            let (top, bottom) = (input.row(2 * y), input.row(2 * y + 1));
+            let (top, bottom) = rows_under(input, y);
             for x in 0..grad.width {
                 let from = x * channels..(x + 1) * channels;
                 let (grad, pooled) = (&grad.row(y)[from.clone()], &pooled.row(y)[from]);
-                let pair = 2 * x * channels..(2 * x + 2) * channels;
-                let ((a, b), (c, d)) = (
-                    top[pair.clone()].split_at(channels),
-                    bottom[pair.clone()].split_at(channels),
-                );
+                // A row or column that stands for two takes the gradient as the first of them,
+                // and the border pixel in the second one's place gets zero.
+                let left = 2 * x * channels;
+                let right = (2 * x + 1).min(input.width - 1) * channels;
+                let (a, b) = (&top[left..][..channels], &top[right..][..channels]);
+                let (c, d) = (&bottom[left..][..channels], &bottom[right..][..channels]);
+                let pair = left..left + 2 * channels;
                 let (to_a, to_b) = upper[pair.clone()].split_at_mut(channels);
                 let (to_c, to_d) = lower[pair].split_at_mut(channels);
                 for i in 0..channels {

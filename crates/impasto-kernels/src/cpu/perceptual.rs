@@ -1,285 +1,30 @@
 //! The frozen perceptual stack: 3×3 convolutions with relu and 2×2 max-pooling (VGG), forward,
 //! and backward to the image only.
-//!
-//! Activations are channels-last with a border of one zero pixel, so that a convolution is three
-//! matrix products over overlapping rows of the padded image: no patch matrix is ever built.
 
+use super::convolution::{ConvLayer, convolve};
 use super::padded::{Padded, pool, pool_backward};
-use super::product::{Left, Start, product};
-use super::winograd::WinogradFilters;
-use pulp::{Arch, Simd, WithSimd};
+use super::statistics::Statistics;
 use rayon::prelude::*;
 
-/// One 3×3 convolution (zero padding, stride 1) with relu.
-#[derive(Debug, Clone)]
-pub struct ConvLayer {
-    forward: Filters,
-    /// The same filters as seen from the output: turned by half a turn, inputs for outputs.
-    backward: Filters,
-    bias: Vec<f32>,
-    /// Whether a 2×2 max-pool comes before this layer.
-    pool_before: bool,
-    /// Whether mean and deviation of this layer's output are part of the result.
-    statistics: bool,
+/// What a convolution sees around its input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Border {
+    /// Zeros.
+    #[default]
+    Zeros,
+    /// The input mirrored at its outermost pixels, which are not repeated (PyTorch's
+    /// `ReflectionPad2d(1)`). Needs inputs of at least two pixels a side.
+    Mirrored,
 }
 
-impl ConvLayer {
-    /// Takes a weight in `[output][input][dy][dx]` order, as stored by common frameworks.
-    ///
-    /// # Panics
-    /// If the lengths do not fit each other.
-    pub fn new(weight: &[f32], bias: Vec<f32>, pool_before: bool, statistics: bool) -> Self {
-        let outputs = bias.len();
-        assert!(
-            outputs > 0 && !weight.is_empty() && weight.len().is_multiple_of(outputs * 9),
-            "a 3×3 convolution's weight is outputs × inputs × 9"
-        );
-        let inputs = weight.len() / (outputs * 9);
-        let weight = |tap, i, o| weight[(o * inputs + i) * 9 + tap];
-        Self {
-            forward: Filters::new(inputs, outputs, weight),
-            backward: Filters::new(outputs, inputs, |tap, o, i| weight(8 - tap, i, o)),
-            bias,
-            pool_before,
-            statistics,
-        }
-    }
-}
-
-/// Output channels computed together: their filters for one pixel's neighbourhood stay in the
-/// second-level cache while an image passes by.
-const STRIP: usize = 64;
-
-/// Filters of one direction, rearranged for [`convolve`]: per strip of output channels
-/// `[dy][dx][input][output of the strip]`.
-#[derive(Debug, Clone)]
-struct Filters {
-    inputs: usize,
-    outputs: usize,
-    strips: Vec<f32>,
-    /// The same for images that are not small, where there are channels enough.
-    winograd: Option<WinogradFilters>,
-}
-
-impl Filters {
-    /// Filters whose weight for a tap, an input and an output is `weight(tap, input, output)`.
-    fn new(inputs: usize, outputs: usize, weight: impl Fn(usize, usize, usize) -> f32) -> Self {
-        let mut strips = Vec::with_capacity(9 * inputs * outputs);
-        for first in (0..outputs).step_by(STRIP) {
-            for tap in 0..9 {
-                for input in 0..inputs {
-                    let strip = first..(first + STRIP).min(outputs);
-                    strips.extend(strip.map(|output| weight(tap, input, output)));
-                }
-            }
-        }
-        let wide = inputs.min(outputs) >= WINOGRAD_CHANNELS;
-        Self {
-            inputs,
-            outputs,
-            strips,
-            winograd: wide.then(|| WinogradFilters::new(inputs, outputs, weight)),
-        }
-    }
-
-    /// First channel, number of channels and filters of each strip.
-    fn strips(&self) -> impl Iterator<Item = (usize, usize, &[f32])> {
-        let strips = self.strips.chunks(9 * self.inputs * STRIP).enumerate();
-        strips.map(|(i, strip)| (i * STRIP, strip.len() / (9 * self.inputs), strip))
-    }
-}
-
-/// With fewer channels than this, transforming patches costs more than it saves.
-const WINOGRAD_CHANNELS: usize = 32;
-/// Most pixels of one task of a convolution.
-const TASK: usize = 384;
-/// An image of fewer pixels is deep rather than wide: cut by output channels, not by pixels,
-/// because every task would have to fetch all the filters for itself.
-const DEEP: usize = 192;
-
-/// Computes every pixel between the first and the last of the image, border columns included
-/// (those are cleared afterwards). With a bias, relu follows.
-fn convolve(input: &Padded, filters: &Filters, bias: Option<&[f32]>) -> Padded {
-    let outputs = filters.outputs;
-    let mut out = Padded::zeros(input.height, input.width, outputs);
-    let stride = input.width + 2;
-    let first = stride + 1;
-    let count = (input.height - 1) * stride + input.width;
-    if let (Some(winograd), true) = (&filters.winograd, count >= DEEP) {
-        winograd.convolve(input, bias, &mut out);
-        return out;
-    }
-    let target = &mut out.data[first * outputs..(first + count) * outputs];
-    if count < DEEP && outputs > STRIP {
-        convolve_deep(input, filters, bias, (first, count), target);
-    } else {
-        let task = TASK.min(count.div_ceil(4).next_multiple_of(6));
-        let tasks = target.par_chunks_mut(task * outputs).enumerate();
-        tasks.for_each(|(i, target)| {
-            for (channel, channels, filters) in filters.strips() {
-                Arch::new().dispatch(Convolve {
-                    input,
-                    start: first + i * task,
-                    filters,
-                    bias: bias.map(|b| &b[channel..channel + channels]),
-                    target: &mut target[channel..],
-                    stride: outputs,
-                    channels,
-                });
-            }
-        });
-    }
-    out.clear_border();
-    out
-}
-
-fn convolve_deep(
-    input: &Padded,
-    filters: &Filters,
-    bias: Option<&[f32]>,
-    (start, count): (usize, usize),
-    target: &mut [f32],
-) {
-    let strips: Vec<_> = filters.strips().collect();
-    let pieces: Vec<_> = strips
-        .into_par_iter()
-        .map(|(channel, channels, filters)| {
-            let mut piece = vec![0.0; count * channels];
-            Arch::new().dispatch(Convolve {
-                input,
-                start,
-                filters,
-                bias: bias.map(|b| &b[channel..channel + channels]),
-                target: &mut piece,
-                stride: channels,
-                channels,
-            });
-            (channel, channels, piece)
-        })
-        .collect();
-    for (channel, channels, piece) in pieces {
-        let pixels = target.chunks_exact_mut(filters.outputs);
-        for (pixel, values) in pixels.zip(piece.chunks_exact(channels)) {
-            pixel[channel..channel + channels].copy_from_slice(values);
-        }
-    }
-}
-
-/// Pixels of one strip of channels: as many as `target` has, from pixel `start` on.
-struct Convolve<'a> {
-    input: &'a Padded,
-    start: usize,
-    filters: &'a [f32],
-    bias: Option<&'a [f32]>,
-    /// Pixels are `stride` apart.
-    target: &'a mut [f32],
-    stride: usize,
-    channels: usize,
-}
-
-impl WithSimd for Convolve<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let (inputs, row) = (self.input.channels, self.input.width + 2);
-        let count = self.target.len().div_ceil(self.stride);
-        let corner = (self.start - row - 1) * inputs;
-        let neighbourhoods = Left::overlapping(
-            &self.input.data[corner..],
-            (count, inputs),
-            (3, row * inputs),
-            3 * inputs,
-        );
-        let (stride, channels) = (self.stride, self.channels);
-        let start = self.bias.map_or(Start::Zero, Start::Row);
-        let target = (&mut *self.target, start, stride);
-        product(simd, target, neighbourhoods, self.filters, channels);
-        if self.bias.is_some() {
-            for pixel in self.target.chunks_mut(stride) {
-                for v in &mut pixel[..channels] {
-                    // Not `max`, which would turn NaN into 0 and hide a broken input.
-                    *v = if *v < 0.0 { 0.0 } else { *v };
-                }
-            }
-        }
-    }
-}
-
-/// Added to the variance under the root (PAPER §5).
-const VARIANCE_EPS: f64 = 1e-5;
-
-/// Mean and `sqrt(unbiased variance + 1e-5)` of each channel.
-#[derive(Debug)]
-struct Statistics {
-    mean: Vec<f64>,
-    std: Vec<f64>,
-}
-
-impl Statistics {
-    fn of(image: &Padded) -> Self {
-        let n = image.pixels() as f64;
-        let mut mean = sum_of_pixels(image, |sum, pixel| {
-            sum.iter_mut().zip(pixel).for_each(|(s, v)| *s += v);
-        });
-        mean.iter_mut().for_each(|m| *m /= n);
-        let centre: Vec<f32> = mean.iter().map(|m| *m as f32).collect();
-        let mut std = sum_of_pixels(image, |sum, pixel| {
-            for ((s, m), v) in sum.iter_mut().zip(&centre).zip(pixel) {
-                *s += (v - m) * (v - m);
-            }
-        });
-        // One pixel has no unbiased variance; it counts as none.
-        let freedom = (n - 1.0).max(1.0);
-        std.iter_mut()
-            .for_each(|s| *s = (*s / freedom + VARIANCE_EPS).sqrt());
-        Self { mean, std }
-    }
-
-    /// Adds the gradient of both to `into`, where `grad` holds means first.
-    fn backward(&self, image: &Padded, grad: &[f32], into: &mut Padded) {
-        let channels = image.channels;
-        let n = image.pixels() as f64;
-        let freedom = (n - 1.0).max(1.0);
-        let slope: Vec<f32> = (0..channels)
-            .map(|c| (f64::from(grad[channels + c]) / (freedom * self.std[c])) as f32)
-            .collect();
-        let constant: Vec<f32> = (0..channels)
-            .map(|c| (f64::from(grad[c]) / n - f64::from(slope[c]) * self.mean[c]) as f32)
-            .collect();
-        into.par_rows_mut().enumerate().for_each(|(y, into)| {
-            let pixels = image.row(y).chunks_exact(channels);
-            for (into, pixel) in into.chunks_exact_mut(channels).zip(pixels) {
-                for c in 0..channels {
-                    into[c] += constant[c] + slope[c] * pixel[c];
-                }
-            }
-        });
-    }
-}
-
-/// Per channel, what `add` sums up over all pixels: in single precision along a row, in double
-/// precision over the rows.
-fn sum_of_pixels(image: &Padded, add: impl Fn(&mut [f32], &[f32]) + Sync) -> Vec<f64> {
-    let rows: Vec<Vec<f32>> = (0..image.height)
-        .into_par_iter()
-        .with_min_len(4)
-        .map(|y| {
-            let mut sum = vec![0.0; image.channels];
-            for pixel in image.row(y).chunks_exact(image.channels) {
-                add(&mut sum, pixel);
-            }
-            sum
-        })
-        .collect();
-    let mut total = vec![0.0; image.channels];
-    for row in rows {
-        total
-            .iter_mut()
-            .zip(row)
-            .for_each(|(t, r)| *t += f64::from(r));
-    }
-    total
+/// What 2×2 pooling does with the last row or column of an odd size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OddEnd {
+    /// Drops it.
+    #[default]
+    Dropped,
+    /// Pools over what is there (PyTorch's `ceil_mode`).
+    Kept,
 }
 
 /// A frozen stack of convolutions over an RGB image in `[0, 1]`.
@@ -288,6 +33,8 @@ pub struct PerceptualStack {
     layers: Vec<ConvLayer>,
     input_scale: f32,
     input_offset: [f32; 3],
+    border: Border,
+    odd_end: OddEnd,
 }
 
 /// Activations kept from a forward pass.
@@ -308,8 +55,9 @@ impl PerceptualTape {
 impl PerceptualStack {
     /// Chains `layers`; the first takes RGB, the last one's output is the content feature.
     ///
-    /// The first layer sees `image · input_scale − input_offset`, with zeros around it. An offset
-    /// folded into the first bias would be wrong at the image's border.
+    /// The first layer sees `image · input_scale − input_offset`, with zeros around it and odd ends
+    /// dropped, until [`PerceptualStack::bordered`] and [`PerceptualStack::ending`] say otherwise.
+    /// With zeros, an offset folded into the first bias would be wrong at the image's border.
     ///
     /// # Panics
     /// If there is no layer, the first one follows a pool, or neighbouring widths differ.
@@ -330,12 +78,40 @@ impl PerceptualStack {
             layers,
             input_scale,
             input_offset,
+            border: Border::default(),
+            odd_end: OddEnd::default(),
         }
     }
 
-    /// Smallest height and width that every pooling leaves at least one pixel of.
+    /// The same stack with another border around the input of every convolution.
+    #[must_use]
+    pub fn bordered(mut self, border: Border) -> Self {
+        self.border = border;
+        self
+    }
+
+    /// The same stack with another treatment of odd sizes.
+    #[must_use]
+    pub fn ending(mut self, odd_end: OddEnd) -> Self {
+        self.odd_end = odd_end;
+        self
+    }
+
+    fn pools(&self) -> usize {
+        self.layers.iter().filter(|l| l.pool_before).count()
+    }
+
+    /// Smallest height and width of an image of which every pooling leaves what the next
+    /// convolution needs: one pixel a side, or two where borders are mirrored.
     pub fn smallest(&self) -> usize {
-        1 << self.layers.iter().filter(|l| l.pool_before).count()
+        let needed = match self.border {
+            Border::Zeros => 1,
+            Border::Mirrored => 2,
+        };
+        match self.odd_end {
+            OddEnd::Dropped => needed << self.pools(),
+            OddEnd::Kept => ((needed - 1) << self.pools()) + 1,
+        }
     }
 
     /// Channels of the layers that contribute statistics, in order.
@@ -354,9 +130,9 @@ impl PerceptualStack {
 
     /// Height, width and channels of the content feature of an image.
     pub fn content_shape(&self, height: usize, width: usize) -> [usize; 3] {
-        let pools = self.layers.iter().filter(|l| l.pool_before).count();
         let channels = self.layers[self.layers.len() - 1].forward.outputs;
-        [height >> pools, width >> pools, channels]
+        let side = |size| (0..self.pools()).fold(size, |size, _| self.odd_end.pooled(size));
+        [side(height), side(width), channels]
     }
 
     /// Content feature (channels-last), then mean and deviation of each statistics layer in order
@@ -383,6 +159,7 @@ impl PerceptualStack {
             "image of {width}×{height} is too small for the perceptual stack"
         );
         let mut current = Padded::from_image(image, width, self.input_scale, self.input_offset);
+        self.surround(&mut current);
         let mut tape = PerceptualTape {
             outputs: Vec::with_capacity(self.layers.len()),
             pooled: Vec::with_capacity(self.layers.len()),
@@ -390,11 +167,14 @@ impl PerceptualStack {
         };
         let mut statistics = Vec::with_capacity(self.statistics_len());
         for layer in &self.layers {
-            let pooled = layer
-                .pool_before
-                .then(|| pool(tape.outputs.last().unwrap_or(&current)));
+            let pooled = layer.pool_before.then(|| {
+                let mut pooled = pool(tape.outputs.last().unwrap_or(&current), self.odd_end);
+                self.surround(&mut pooled);
+                pooled
+            });
             let input = pooled.as_ref().or(tape.outputs.last()).unwrap_or(&current);
-            let out = convolve(input, &layer.forward, Some(&layer.bias));
+            let mut out = convolve(input, &layer.forward, Some(&layer.bias));
+            self.surround(&mut out);
             tape.statistics.push(layer.statistics.then(|| {
                 let own = Statistics::of(&out);
                 statistics.extend(own.mean.iter().chain(&own.std).map(|x| *x as f32));
@@ -412,6 +192,13 @@ impl PerceptualStack {
         }
         result.extend(statistics);
         (result, tape)
+    }
+
+    /// Fills the border of a convolution's input, where zeros are not what it takes.
+    fn surround(&self, input: &mut Padded) {
+        if self.border == Border::Mirrored {
+            input.mirror_border();
+        }
     }
 
     /// Gradient of [`PerceptualStack::forward`] for the image. The filters are constants.
@@ -447,7 +234,14 @@ impl PerceptualStack {
                     *g = if *y > 0.0 { *g } else { 0.0 };
                 }
             });
-            current = convolve(&current, &layer.backward, None);
+            // What falls on a mirrored border belongs to the pixels that it mirrors, so there the
+            // gradient is wanted too: as that of an image which has its border inside.
+            current = match self.border {
+                Border::Zeros => convolve(&current, &layer.backward, None),
+                Border::Mirrored => {
+                    convolve(&current.widened(), &layer.backward, None).folded_back()
+                }
+            };
             if let (Some(pooled), true) = (&tape.pooled[i], i > 0) {
                 current = pool_backward(&tape.outputs[i - 1], pooled, &current);
             }

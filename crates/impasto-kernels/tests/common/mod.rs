@@ -1,6 +1,8 @@
 //! What the kernels' tests share: seeded numbers, tensors, comparisons, central differences.
 #![allow(dead_code, reason = "every test file takes what it needs")]
 
+pub mod convnet;
+
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

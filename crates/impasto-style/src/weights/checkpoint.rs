@@ -1,0 +1,216 @@
+//! Tensors by name, from a file of any form that networks are handed around in.
+
+use super::number::Number;
+use super::source::{ReadSeek, Source};
+use super::torch;
+use crate::StyleError;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::File;
+use std::path::Path;
+
+/// Where a tensor's numbers are.
+#[derive(Debug)]
+pub(crate) struct Stored {
+    pub number: Number,
+    pub shape: Vec<u64>,
+    /// First byte in the file.
+    pub start: u64,
+}
+
+/// The form of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// PyTorch's, since 1.6.
+    TorchZip,
+    /// PyTorch's, before 1.6.
+    TorchStream,
+    /// Hugging Face's.
+    Safetensors,
+}
+
+impl fmt::Display for Form {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::TorchZip => "PyTorch checkpoint (zip)",
+            Self::TorchStream => "PyTorch checkpoint (stream)",
+            Self::Safetensors => "safetensors file",
+        })
+    }
+}
+
+/// An opened file of tensors. Numbers are read when asked for; nothing in the file is run, and no
+/// more memory is taken than the file is long.
+pub struct Checkpoint {
+    name: String,
+    source: Source,
+    form: Form,
+    tensors: BTreeMap<String, Stored>,
+}
+
+/// Most bytes of a safetensors header.
+const LONGEST_HEADER: u64 = 16 << 20;
+
+impl Checkpoint {
+    /// Opens a PyTorch checkpoint (`.pth`, either form) or a safetensors file; the contents
+    /// decide, not the name.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is of another form, is damaged, or holds more than tensors.
+    pub fn open(path: &Path) -> Result<Self, StyleError> {
+        let file = File::open(path).map_err(|source| StyleError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::read(&path.display().to_string(), file)
+    }
+
+    /// The same from anything readable; `name` is for messages.
+    ///
+    /// # Errors
+    /// Like [`Checkpoint::open`].
+    pub fn read(
+        name: &str,
+        reader: impl std::io::Read + std::io::Seek + Send + 'static,
+    ) -> Result<Self, StyleError> {
+        let fault = |reason| StyleError::Weights {
+            file: name.to_owned(),
+            reason,
+        };
+        let reader: Box<dyn ReadSeek> = Box::new(reader);
+        let mut source = Source::new(reader).map_err(fault)?;
+        let (form, tensors) = tensors(&mut source).map_err(fault)?;
+        Ok(Self {
+            name: name.to_owned(),
+            source,
+            form,
+            tensors,
+        })
+    }
+
+    /// The file's form.
+    pub fn form(&self) -> Form {
+        self.form
+    }
+
+    /// Number of tensors.
+    pub fn len(&self) -> usize {
+        self.tensors.len()
+    }
+
+    /// Whether there is no tensor.
+    pub fn is_empty(&self) -> bool {
+        self.tensors.is_empty()
+    }
+
+    /// Names of all tensors, sorted.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.tensors.keys().map(String::as_str)
+    }
+
+    /// A tensor's shape, `None` where it is absent.
+    pub fn shape(&self, key: &str) -> Option<&[u64]> {
+        self.tensors.get(key).map(|stored| stored.shape.as_slice())
+    }
+
+    /// A tensor's numbers in row-major order.
+    ///
+    /// # Errors
+    /// If it is absent, of another shape, cannot be read, or holds what is no finite number.
+    pub fn floats(&mut self, key: &str, shape: &[u64]) -> Result<Vec<f32>, StyleError> {
+        let stored = self
+            .tensors
+            .get(key)
+            .ok_or_else(|| self.fault(format!("has no tensor \"{key}\"")))?;
+        if stored.shape != shape {
+            return Err(self.fault(format!(
+                "has \"{key}\" of shape {:?}, {shape:?} was expected",
+                stored.shape
+            )));
+        }
+        let length = shape.iter().product::<u64>() * stored.number.size();
+        let (number, start) = (stored.number, stored.start);
+        let bytes = self.source.bytes(start, length);
+        let floats = number.decode(&bytes.map_err(|reason| self.fault(reason))?);
+        if floats.iter().all(|f| f.is_finite()) {
+            Ok(floats)
+        } else {
+            Err(self.fault(format!("has \"{key}\" with what is no finite number")))
+        }
+    }
+
+    pub(crate) fn fault(&self, reason: String) -> StyleError {
+        StyleError::Weights {
+            file: self.name.clone(),
+            reason,
+        }
+    }
+}
+
+fn tensors(source: &mut Source) -> Result<(Form, BTreeMap<String, Stored>), String> {
+    let head = source.bytes(0, source.length().min(265))?;
+    if head.starts_with(b"PK\x03\x04") {
+        Ok((Form::TorchZip, torch::read_zip(source)?))
+    } else if let [0x80, _, 0x8a, ..] = head[..] {
+        Ok((Form::TorchStream, torch::read_stream(source)?))
+    } else if head.get(8) == Some(&b'{') {
+        Ok((Form::Safetensors, read_safetensors(source)?))
+    } else if head.get(257..262) == Some(b"ustar") {
+        Err("is a PyTorch checkpoint of before 2017 (tar); load and save it with PyTorch".into())
+    } else {
+        Err("is neither a PyTorch checkpoint (.pth) nor a safetensors file".into())
+    }
+}
+
+#[derive(Deserialize)]
+struct Listed {
+    dtype: String,
+    shape: Vec<u64>,
+    data_offsets: [u64; 2],
+}
+
+fn read_safetensors(source: &mut Source) -> Result<BTreeMap<String, Stored>, String> {
+    let damaged = |what: &str| format!("is a damaged safetensors file ({what})");
+    let length = source.bytes(0, 8)?;
+    let length = length
+        .iter()
+        .rev()
+        .fold(0, |all, b| (all << 8) | u64::from(*b));
+    if length > LONGEST_HEADER {
+        return Err(damaged("its header is too long"));
+    }
+    let header = source.bytes(8, length)?;
+    let mut listed: BTreeMap<String, serde_json::Value> =
+        serde_json::from_slice(&header).map_err(|e| damaged(&e.to_string()))?;
+    listed.remove("__metadata__");
+    let mut tensors = BTreeMap::new();
+    for (name, listed) in listed {
+        let tensor: Listed = serde_json::from_value(listed).map_err(|e| damaged(&e.to_string()))?;
+        let number = match tensor.dtype.as_str() {
+            "F16" => Number::F16,
+            "F32" => Number::F32,
+            "F64" => Number::F64,
+            // Counters of other layers, say. Asked for, it is as if it were absent.
+            _ => continue,
+        };
+        let [from, to] = tensor.data_offsets;
+        let numbers = (tensor.shape.iter()).try_fold(number.size(), |n, s| n.checked_mul(*s));
+        if numbers.is_none() || numbers != to.checked_sub(from) {
+            return Err(damaged(&format!(
+                "the sizes of \"{name}\" contradict each other"
+            )));
+        }
+        let start = (8 + length)
+            .checked_add(from)
+            .ok_or_else(|| damaged(&name))?;
+        source.within(start, to - from)?;
+        let stored = Stored {
+            number,
+            shape: tensor.shape,
+            start,
+        };
+        tensors.insert(name, stored);
+    }
+    Ok(tensors)
+}
