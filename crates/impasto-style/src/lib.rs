@@ -20,5 +20,5 @@ pub use patch::{Patch, PatchSampler, PatchStrides};
 pub use perceptual::{Features, Perceptual, Statistics};
 pub use picture::{picture, recolour, square_crop};
 pub use tensors::{TensorFile, write_f16};
-pub use vae::{StyleCode, StyleVae};
+pub use vae::{StyleCode, StyleInput, StyleVae};
 pub use vae_training::{VaeTraining, train_vae};
