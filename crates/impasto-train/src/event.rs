@@ -30,6 +30,25 @@ pub enum Event {
         /// Whether the photos were made by a program.
         synthetic: bool,
     },
+    /// Statistics of pictures were measured or found in the cache (reported a few times a second
+    /// at most).
+    Measured {
+        /// Pictures so far.
+        pictures: usize,
+        /// Those of them that had to be looked at; the others were cached.
+        fresh: usize,
+        /// Pictures in the end, unless time runs out or files are unreadable.
+        planned: usize,
+    },
+    /// An encoder of styles is being trained.
+    EncoderStep {
+        /// Steps so far.
+        step: u64,
+        /// Steps in the end.
+        steps: u64,
+        /// Smoothed mean squared error of the rebuilt statistics, in units of their variance.
+        error: f64,
+    },
     /// A stage begins.
     StageStarted {
         /// Which.

@@ -126,7 +126,7 @@ impl Model {
             None => {
                 let made = Encoder {
                     vgg: Perceptual::vgg16()?,
-                    vae: StyleVae::shipped()?,
+                    vae: self.file.encoder()?,
                 };
                 self.encoder.get_or_init(|| made)
             }

@@ -5,7 +5,7 @@ use crate::budget::Clock;
 use crate::config::TrainConfig;
 use crate::patches::{Frozen, FrozenPatch, PatchPool};
 use crate::rays::PhotoRays;
-use crate::styles::Style;
+use crate::styles::{Style, StyleSet};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_field::{Appearance, Canvas, Field};
 use impasto_kernels::ops::AdamParam;
@@ -56,7 +56,7 @@ impl StyleModel {
 pub struct StyleStage {
     config: TrainConfig,
     patches: PatchPool,
-    styles: Vec<Style>,
+    styles: StyleSet,
     vae: impasto_style::StyleVae,
     vgg: Perceptual,
     hyper: [Hypernetwork; 2],
@@ -94,7 +94,7 @@ impl StyleStage {
         frozen: Frozen,
         photos: Vec<PhotoRays>,
         (vgg, vae): (Perceptual, impasto_style::StyleVae),
-        styles: Vec<Style>,
+        styles: StyleSet,
         seed: u64,
         device: &Device,
     ) -> Self {
@@ -156,22 +156,14 @@ impl StyleStage {
         Ok(self.descend(&patch, &style, clock))
     }
 
-    /// A painting, or a mix of two: the loss needs statistics only, and the code that belongs to
-    /// mixed statistics is known.
+    /// A painting, or a mix of two.
     fn draw_style(&mut self, virtual_share: f32) -> Style {
-        let one = self.styles[self.rng.random_range(0..self.styles.len())].clone();
-        if self.rng.random::<f32>() >= virtual_share {
-            return one;
-        }
-        let other = &self.styles[self.rng.random_range(0..self.styles.len())];
-        let share = self.rng.random();
-        let statistics = one.statistics.mixed(&other.statistics, share);
-        Style {
-            code: self.vae.encode(&statistics),
-            target: one.target.mixed(&other.target, share),
-            palette: one.palette.mixed(&other.palette, share),
-            statistics,
-        }
+        let one = self.rng.random_range(0..self.styles.len());
+        let other = (self.rng.random::<f32>() < virtual_share).then(|| {
+            let other = self.rng.random_range(0..self.styles.len());
+            (other, self.rng.random())
+        });
+        self.styles.style(&self.vae, one, other)
     }
 
     fn descend(&mut self, patch: &FrozenPatch, style: &Style, clock: &Clock) -> StyleReport {

@@ -12,7 +12,7 @@ use impasto_scene::{LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::{
     Budget, Clock, Event, Frozen, GeometryStage, Model, ModelFile, ModelScene, Quality, Stages,
-    StyleReport, StyleStage, TrainConfig, TrainOptions, photo_rays, style_set, train,
+    StyleReport, StyleSet, StyleStage, TrainConfig, TrainOptions, photo_rays, train,
 };
 
 fn small() -> TrainConfig {
@@ -99,6 +99,7 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
         grids,
         photo_app,
         style: None,
+        encoder: None,
     }
 }
 
@@ -126,9 +127,7 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     let file = reconstruct(&scene, config, 120);
     let (vgg, vae) = (Perceptual::vgg16().unwrap(), StyleVae::shipped().unwrap());
     let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
-    let paintings = [("one".into(), painting)];
-    let mut styles = style_set((&vgg, &vae), config.style.patch, &paintings, 0, 1, None).unwrap();
-    styles.truncate(1);
+    let styles = StyleSet::of_pictures(&vgg, &[painting], config.style.patch).unwrap();
     let frozen = Frozen {
         weights: file.weights,
         grids: file.grids,
@@ -237,6 +236,8 @@ fn write_and_read(config: TrainConfig) {
         scene: dir.path().to_owned(),
         output: output.clone(),
         styles: None,
+        encoder: None,
+        cache: None,
         stages: Stages::Geometry,
         config,
         budget: Budget::Steps(20),
