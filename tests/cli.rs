@@ -245,8 +245,8 @@ fn json_of(folder: &Path, arguments: &str) -> Value {
     serde_json::from_slice(&output.stdout).expect("stdout is one JSON object")
 }
 
-/// A model that trains in seconds.
-fn small_model(folder: &Path) -> Value {
+/// Arguments for a model that trains in seconds.
+fn small() -> String {
     let settings = [
         "style.patch=[36,44]",
         "style.generated=6",
@@ -256,6 +256,11 @@ fn small_model(folder: &Path) -> Value {
         "field.outer.encoding.hash_grid.log2_entries=12",
         "geometry.samples=20000",
     ];
+    settings.iter().map(|s| format!(" --set {s}")).collect()
+}
+
+/// A model that trains in seconds.
+fn small_model(folder: &Path) -> Value {
     fs::create_dir(folder.join("paintings")).unwrap();
     for (name, shade) in [("red.png", 180), ("grey.png", 90)] {
         let picture = image::RgbImage::from_fn(64, 64, |x, y| {
@@ -263,10 +268,10 @@ fn small_model(folder: &Path) -> Value {
         });
         picture.save(folder.join("paintings").join(name)).unwrap();
     }
-    let set: String = settings.iter().map(|s| format!(" --set {s}")).collect();
+    let small = small();
     json_of(
         folder,
-        &format!("train scene -o model --styles paintings --steps 40{set}"),
+        &format!("train scene -o model --styles paintings --steps 40{small}"),
     )
 }
 
@@ -452,6 +457,21 @@ fn encoders_are_trained_checked_and_used() {
         (&check["paintings"], &check["unreadable"]),
         (&json!(3), &json!(1))
     );
+    let small = small();
+    let run = "train scene -o model --styles paintings --encoder mine.safetensors --steps 4";
+    let summary = json_of(folder, &format!("{run}{small}"));
+    assert_eq!(
+        (&summary["paintings"], &summary["unreadable_paintings"]),
+        (&json!(3), &json!(1))
+    );
+    assert_eq!(json_of(folder, "info model")["encoder"]["input"], "relu4_1");
+    let measured = json_of(folder, "eval model --styles paintings");
+    assert_eq!(measured["unreadable"].as_array().unwrap().len(), 1);
+    json_of(
+        folder,
+        "render model --style paintings/deep/c.png --frames 1 -o c.png",
+    );
+
     let shipped = json_of(folder, "train-encoder --check --heldout paintings");
     assert_eq!(shipped["encoder"], "built-in");
     assert!(fs::read_dir(folder.join("cache")).unwrap().count() >= 2);
