@@ -25,7 +25,7 @@ pub enum Event {
         test_photos: usize,
         /// Width and height of the first photo as trained.
         size: [u32; 2],
-        /// Style images.
+        /// Files of the style folder, not looked at yet.
         paintings: usize,
         /// Whether the photos were made by a program.
         synthetic: bool,

@@ -9,6 +9,7 @@ mod encoder;
 mod error;
 pub mod event;
 mod geometry_stage;
+mod hash;
 mod info;
 mod log;
 mod measuring;

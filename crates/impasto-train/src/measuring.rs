@@ -2,9 +2,10 @@
 //! ones; measured once, then taken from a [`Cache`].
 
 use crate::event::Event;
+use crate::hash::Hash;
 use crate::palette::Palette;
 use crate::style_cache::{Cache, Key, Measured};
-use crate::style_folder::{Hash, StyleFile, StyleFolder};
+use crate::style_folder::{StyleFile, StyleFolder};
 use crate::styles::{STYLE_SIDE, statistics, window_statistics};
 use image::RgbImage;
 use impasto_paintings::{Recipe, paint};
@@ -85,7 +86,7 @@ impl Measurer<'_> {
         // Other spellings of a path are the same folder.
         let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let known = files.iter().map(|file| file.identity).collect();
-        let subject = settings.and(real.display());
+        let subject = settings.and(&real.display());
         let mut run = Gathering {
             vgg: self.vgg,
             sampling,
@@ -94,7 +95,7 @@ impl Measurer<'_> {
             folder: Cache::open(self.cache.filter(|_| !files.is_empty()), subject, &mut warn),
             made: Cache::open(
                 self.cache.filter(|_| sampling.generated > 0),
-                settings.and("generated"),
+                settings.and(&"generated"),
                 &mut warn,
             ),
             bad: HashSet::new(),
@@ -121,11 +122,11 @@ fn settings(vgg: &Perceptual, sampling: &Sampling) -> Result<Hash, StyleError> {
         .flat_map(|x| x.to_le_bytes())
         .collect();
     Ok(Hash::of_bytes(&bytes)
-        .and(STYLE_SIDE)
-        .and(RECOLOURED)
-        .and(sampling.crops)
-        .and(sampling.least_crop)
-        .and(sampling.first_generated))
+        .and(&STYLE_SIDE)
+        .and(&RECOLOURED)
+        .and(&sampling.crops)
+        .and(&sampling.least_crop)
+        .and(&sampling.first_generated))
 }
 
 /// One picture to take statistics of.
@@ -313,7 +314,7 @@ impl Gathering<'_> {
             }
             Job::Crop { file, crop } => {
                 let file = &self.files[file];
-                let seed = Hash::of(&file.name).and(crop).0;
+                let seed = Hash::of(&file.name).and(&crop).0;
                 Ok(self.random_crop(&file.read()?, &mut Pcg64::seed_from_u64(seed)))
             }
         }

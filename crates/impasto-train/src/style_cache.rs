@@ -3,8 +3,8 @@
 //! A file is a header and records of equal length, each with its checksum. It is only ever
 //! replaced as a whole.
 
+use crate::hash::Hash;
 use crate::palette::Palette;
-use crate::style_folder::Hash;
 use half::f16;
 use impasto_style::Statistics;
 use std::collections::HashMap;

@@ -1,6 +1,7 @@
 //! Folders of paintings, of any size and depth: what is there, without reading it.
 
 use crate::TrainError;
+use crate::hash::Hash;
 use image::RgbImage;
 use impasto_scene::{SceneError, read_rgb};
 use std::collections::HashSet;
@@ -55,10 +56,11 @@ impl StyleFolder {
         let mut waiting = vec![(path.to_owned(), String::new())];
         let mut is_root = true;
         while let Some((dir, prefix)) = waiting.pop() {
-            match std::fs::read_dir(&dir) {
+            let listed: std::io::Result<Vec<_>> =
+                std::fs::read_dir(&dir).and_then(Iterator::collect);
+            match listed {
                 Ok(entries) => {
                     for entry in entries {
-                        let Ok(entry) = entry else { continue };
                         let name = entry.file_name().to_string_lossy().into_owned();
                         if !name.starts_with('.') {
                             let name = format!("{prefix}{name}");
@@ -94,7 +96,7 @@ impl StyleFolder {
                 let changed = facts.modified().ok();
                 let changed = changed.and_then(|t| t.duration_since(UNIX_EPOCH).ok());
                 let changed = changed.map_or(0, |t| t.as_nanos());
-                let identity = Hash::of(&name).and(facts.len()).and(changed).0;
+                let identity = Hash::of(&name).and(&facts.len()).and(&changed).0;
                 self.files.push(StyleFile {
                     name,
                     path,
@@ -133,33 +135,6 @@ impl StyleFolder {
                 ),
             },
         ))
-    }
-}
-
-/// A stable hash (FNV-1a): it is written to disk.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Hash(pub u64);
-
-impl Hash {
-    /// Of some value's text.
-    pub(crate) fn of(value: impl ToString) -> Self {
-        Self::of_bytes(value.to_string().as_bytes())
-    }
-
-    /// Of bytes.
-    pub(crate) fn of_bytes(bytes: &[u8]) -> Self {
-        Self(0xcbf2_9ce4_8422_2325).with(bytes)
-    }
-
-    fn with(self, bytes: &[u8]) -> Self {
-        Self(bytes.iter().fold(self.0, |hash, byte| {
-            (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-        }))
-    }
-
-    /// Of this and one more value.
-    pub(crate) fn and(self, value: impl ToString) -> Self {
-        self.with(b"/").with(value.to_string().as_bytes())
     }
 }
 

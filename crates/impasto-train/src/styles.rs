@@ -5,7 +5,7 @@ use crate::event::Event;
 use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
 use crate::palette::Palette;
 use crate::style_cache::Measured;
-use crate::style_folder::StyleFolder;
+use crate::style_folder::{StyleFile, StyleFolder};
 use image::RgbImage;
 use image::imageops::crop_imm;
 use impasto_style::{
@@ -57,7 +57,7 @@ pub struct Paintings {
 /// If the folder cannot be listed.
 pub fn read_paintings(dir: &Path) -> std::io::Result<Paintings> {
     let folder = StyleFolder::walk(dir)?;
-    let read: Vec<_> = folder.files.par_iter().map(|file| file.read()).collect();
+    let read: Vec<_> = folder.files.par_iter().map(StyleFile::read).collect();
     let mut paintings = Paintings {
         unreadable: folder.unreadable,
         ..Paintings::default()

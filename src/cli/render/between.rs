@@ -80,8 +80,8 @@ fn read(args: &RenderArgs) -> Result<(Vec<String>, Vec<RgbImage>), CliError> {
             args.styles.len()
         ));
     }
-    let ending = args.output.extension().map(|e| e.to_ascii_lowercase());
-    if args.output.is_dir() || ending.is_none_or(|e| e != "png") {
+    let ending = args.output.extension();
+    if args.output.is_dir() || !ending.is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         return refuse("--interpolate makes one picture: give -o FILE.png".into());
     }
     match Styles::read(&args.styles)? {
