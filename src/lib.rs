@@ -12,6 +12,8 @@
 //!     scene: "capture".into(),
 //!     output: "model".into(),
 //!     styles: Some("paintings".into()),
+//!     encoder: None,
+//!     cache: impasto::cache_folder(),
 //!     stages: Stages::All,
 //!     config: TrainConfig::fast(),
 //!     budget: Budget::Time(Duration::from_secs(600)),
@@ -34,8 +36,9 @@
 pub use impasto_eval as eval;
 pub use impasto_paintings as paintings;
 pub use impasto_scene as scene;
-pub use impasto_style::{StyleCode, StyleError, weights};
+pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
-    Budget, Event, Inspiration, Look, Model, ModelPhoto, ModelScene, RenderedView, Stage, Stages,
-    TrainConfig, TrainError, TrainOptions, TrainSummary, read_paintings, train,
+    Budget, EncoderCheck, EncoderOptions, EncoderSummary, Event, Inspiration, Look, Model,
+    ModelPhoto, ModelScene, RenderedView, Stage, Stages, TrainConfig, TrainError, TrainOptions,
+    TrainSummary, cache_folder, check_encoder, read_encoder, read_paintings, train, train_encoder,
 };

@@ -14,6 +14,8 @@ fn impasto(folder: &Path, arguments: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_impasto"))
         .args(arguments.split_whitespace())
         .current_dir(folder)
+        // Relative, so each test has its own; nothing is made of it where nothing is measured.
+        .env("IMPASTO_CACHE", "cache")
         .output()
         .expect("the binary starts")
 }
@@ -202,6 +204,18 @@ fn wrong_usage_exits_with_two() {
         "render m -o out --style p.png:0.5 --style p.png",
         "render m -o out.gif --depth",
         "render m -o out --size 3",
+        "render m -o x.png --interpolate 3",
+        "render m -o x.png --interpolate 3 --style p.png",
+        "render m -o x.png --interpolate 3 --style p.png --style p.png --style p.png",
+        "render m -o x.png --interpolate 1 --style p.png --style p.png",
+        "render m -o x.png --interpolate 3 --style p.png:1 --style p.png:1",
+        "render m -o out --interpolate 3 --style p.png --style p.png",
+        "render m -o x.png --interpolate 3 --frames 2 --style p.png --style p.png",
+        "train-encoder",
+        "train-encoder --styles s",
+        "train-encoder --check",
+        "train-encoder --check f --heldout h --steps 3",
+        "train-encoder --styles s -o f --layers relu9",
     ] {
         let output = impasto(folder.path(), arguments);
         assert_eq!(
@@ -226,8 +240,8 @@ fn json_of(folder: &Path, arguments: &str) -> Value {
     serde_json::from_slice(&output.stdout).expect("stdout is one JSON object")
 }
 
-/// A model that trains in seconds.
-fn small_model(folder: &Path) -> Value {
+/// Arguments for a model that trains in seconds.
+fn small() -> String {
     let settings = [
         "style.patch=[36,44]",
         "style.generated=6",
@@ -237,6 +251,11 @@ fn small_model(folder: &Path) -> Value {
         "field.outer.encoding.hash_grid.log2_entries=12",
         "geometry.samples=20000",
     ];
+    settings.iter().map(|s| format!(" --set {s}")).collect()
+}
+
+/// A model that trains in seconds.
+fn small_model(folder: &Path) -> Value {
     fs::create_dir(folder.join("paintings")).unwrap();
     for (name, shade) in [("red.png", 180), ("grey.png", 90)] {
         let picture = image::RgbImage::from_fn(64, 64, |x, y| {
@@ -244,10 +263,10 @@ fn small_model(folder: &Path) -> Value {
         });
         picture.save(folder.join("paintings").join(name)).unwrap();
     }
-    let set: String = settings.iter().map(|s| format!(" --set {s}")).collect();
+    let small = small();
     json_of(
         folder,
-        &format!("train scene -o model --styles paintings --steps 40{set}"),
+        &format!("train scene -o model --styles paintings --steps 40{small}"),
     )
 }
 
@@ -276,6 +295,7 @@ fn photos_become_a_model_and_pictures() {
     one_style_in_a_folder(folder);
     several_styles_side_by_side(folder);
     strength_and_mixes(folder);
+    between_styles(folder);
     refused_paintings(folder);
 }
 
@@ -370,6 +390,101 @@ fn strength_and_mixes(folder: &Path) {
     );
     let mix = "--style paintings/red.png:2 --style paintings/grey.png:0";
     assert_eq!(picture("mix.png", mix), red);
+}
+
+/// The ends of a row are the styles themselves.
+fn between_styles(folder: &Path) {
+    let view = "--views test --size 40x30";
+    let rendered = |arguments: &str, name: &str| {
+        let answer = json_of(
+            folder,
+            &format!("render model {view} {arguments} -o {name}"),
+        );
+        let picture = image::open(folder.join(name)).unwrap().to_rgb8();
+        (answer, picture)
+    };
+    let (red, grey) = ("--style paintings/red.png", "--style paintings/grey.png");
+    let (answer, row) = rendered(&format!("{red} {grey} --interpolate 3"), "row.png");
+    assert_eq!(answer["styles"], json!(["red", "grey"]));
+    assert_eq!(
+        (&answer["rows"], &answer["columns"]),
+        (&json!(1), &json!(3))
+    );
+    let step = |key: &str| answer[key].as_f64().unwrap();
+    assert!(0.0 < step("mean_step") && step("mean_step") <= step("largest_step"));
+    let (gap, band) = (4, 11);
+    let cell = |i: u32| {
+        let cell = image::imageops::crop_imm(&row, gap + i * (40 + gap), band + gap, 40, 30);
+        cell.to_image()
+    };
+    assert_eq!(cell(0), rendered(red, "end.png").1);
+    assert_eq!(cell(2), rendered(grey, "end.png").1);
+    assert!(cell(1) != cell(0) && cell(1) != cell(2));
+
+    let four = format!("{red} {grey} {grey} {red} --interpolate 2");
+    let (answer, square) = rendered(&four, "square.png");
+    assert_eq!(answer["rows"], json!(2));
+    assert_eq!(square.dimensions(), (3 * gap + 80, 3 * gap + 60 + 2 * band));
+}
+
+/// Sub-folders count, a second look at the same paintings is none, and a model takes the encoder.
+#[test]
+fn encoders_are_trained_checked_and_used() {
+    let folder = capture();
+    let folder = folder.path();
+    for (name, shade) in [("a.png", 20), ("b.png", 120), ("deep/c.png", 220)] {
+        let path = folder.join("paintings").join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let picture =
+            image::RgbImage::from_fn(48, 48, |x, y| image::Rgb([shade, (x * 5) as u8, y as u8]));
+        picture.save(path).unwrap();
+    }
+    fs::write(folder.join("paintings/notes.txt"), "no picture").unwrap();
+    let train = "train-encoder --styles paintings -o mine.safetensors --layers relu4_1";
+    let answer = json_of(folder, &format!("{train} --steps 2 --generated 2"));
+    assert_eq!(answer["heldout"]["input"], "relu4_1");
+    assert_eq!(answer["heldout"]["paintings"], 1);
+    let check = json_of(
+        folder,
+        "train-encoder --check mine.safetensors --heldout paintings",
+    );
+    assert_eq!(
+        (&check["paintings"], &check["unreadable"]),
+        (&json!(3), &json!(1))
+    );
+    let small = small();
+    let run = "train scene -o model --styles paintings --encoder mine.safetensors --steps 4";
+    let summary = json_of(folder, &format!("{run}{small}"));
+    assert_eq!(
+        (&summary["paintings"], &summary["unreadable_paintings"]),
+        (&json!(3), &json!(1))
+    );
+    assert_eq!(json_of(folder, "info model")["encoder"]["input"], "relu4_1");
+    let measured = json_of(folder, "eval model --styles paintings");
+    assert_eq!(measured["unreadable"].as_array().unwrap().len(), 1);
+    json_of(
+        folder,
+        "render model --style paintings/deep/c.png --frames 1 -o c.png",
+    );
+
+    let shipped = json_of(folder, "train-encoder --check --heldout paintings");
+    assert_eq!(shipped["encoder"], "built-in");
+    assert!(fs::read_dir(folder.join("cache")).unwrap().count() >= 2);
+    refused(
+        folder,
+        "train-encoder --check paintings/a.png --heldout paintings",
+        &["a.png", "safetensors"],
+    );
+    refused(
+        folder,
+        "train-encoder --styles none -o x.safetensors",
+        &["none", "cannot be read"],
+    );
+    refused(
+        folder,
+        "train scene -o m --encoder paintings/a.png --steps 2 --set style.patch=[36,42]",
+        &["a.png", "safetensors"],
+    );
 }
 
 fn refused_paintings(folder: &Path) {

@@ -14,7 +14,7 @@ use super::{Answer, CliError, to_json};
 pub struct EvalArgs {
     /// A model folder
     model: PathBuf,
-    /// Folder of paintings, best ones that the model was not trained on
+    /// Folder of paintings, sub-folders included, best ones that the model was not trained on
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
 }
@@ -28,7 +28,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
     })?;
     let fidelity = style_fidelity(&model, &read.named)?;
     let quality = model.file.quality;
-    let text = format!(
+    let mut text = format!(
         "reconstruction: PSNR {:.2} dB, SSIM {:.3} over {} held-out views\n\
          style: gain {:.3}, retrieval {:.1} % over {} paintings × {} views",
         quality.psnr,
@@ -39,6 +39,10 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         fidelity.paintings.len(),
         fidelity.views,
     );
+    if !read.unreadable.is_empty() {
+        let count = read.unreadable.len();
+        text += &format!("\n{count} files of the style folder are no readable pictures");
+    }
     Ok(Answer {
         text,
         json: json!({

@@ -10,6 +10,7 @@ mod progress;
 mod render;
 mod settings;
 mod train;
+mod train_encoder;
 mod values;
 mod weights;
 
@@ -35,6 +36,7 @@ struct Cli {
 enum Command {
     Demo(demo::DemoArgs),
     Train(train::TrainArgs),
+    TrainEncoder(train_encoder::TrainEncoderArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
     Info(info::InfoArgs),
@@ -60,6 +62,7 @@ pub fn main() -> ExitCode {
     let answer = match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Train(args) => train::run(args),
+        Command::TrainEncoder(args) => train_encoder::run(args),
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Info(args) => info::run(args),

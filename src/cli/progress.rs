@@ -96,6 +96,8 @@ impl Download {
 #[derive(Default)]
 pub struct Training {
     face: Option<Face>,
+    /// Statistics are being measured, or an encoder is being trained.
+    preparation: Option<Face>,
     psnr: Option<f64>,
 }
 
@@ -109,7 +111,20 @@ impl Training {
                     Stage::Style => "style",
                 }));
             }
+            Event::Measured {
+                pictures,
+                fresh,
+                planned,
+            } => {
+                let message = format!("{pictures} pictures, {fresh} of them looked at now");
+                self.prepare("styles", *pictures, *planned, message);
+            }
+            Event::EncoderStep { step, steps, error } => {
+                let message = format!("step {step}  error {error:.4}");
+                self.prepare("encoder", *step as usize, *steps as usize, message);
+            }
             Event::Step { progress, .. } => {
+                self.preparation = None;
                 let message = self.measures(event);
                 if let Some(face) = &mut self.face {
                     face.show(*progress, message);
@@ -121,10 +136,18 @@ impl Training {
             }
             Event::Done { .. } => {
                 self.face = None;
+                self.preparation = None;
                 self.say(event);
             }
             _ => self.say(event),
         }
+    }
+
+    fn prepare(&mut self, title: &str, done: usize, planned: usize, message: String) {
+        let face = self.preparation.take().filter(|face| face.title == title);
+        let mut face = face.unwrap_or_else(|| Face::new(title));
+        face.show(done as f64 / planned.max(1) as f64, message);
+        self.preparation = Some(face);
     }
 
     fn measures(&self, event: &Event) -> String {
@@ -152,7 +175,7 @@ impl Training {
         let Some(sentence) = sentence(event) else {
             return;
         };
-        match &self.face {
+        match self.preparation.as_ref().or(self.face.as_ref()) {
             Some(face) => face.say(&sentence),
             None => note(sentence),
         }
@@ -235,14 +258,16 @@ mod tests {
     #[test]
     fn a_step_tells_speed_loss_quality_and_time_left() {
         let training = Training {
-            face: None,
             psnr: Some(24.318),
+            ..Training::default()
         };
         let step = Event::Step {
             stage: Stage::Geometry,
             step: 7,
             progress: 0.5,
             loss: 0.012_34,
+            content: None,
+            style: None,
             rate: 12.34,
             rays_per_second: 45_600.0,
             eta: 75.0,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use impasto::scene::Format;
-use impasto::{Budget, Stages, TrainConfig, TrainOptions, TrainSummary, train};
+use impasto::{Budget, Stages, TrainConfig, TrainOptions, TrainSummary, cache_folder, train};
 
 use super::values::{clock, duration};
 use super::{Answer, CliError, progress, settings};
@@ -19,9 +19,12 @@ pub struct TrainArgs {
     /// Folder to write the model to
     #[arg(short, long, value_name = "MODEL")]
     output: PathBuf,
-    /// Folder of paintings to learn from [default: generated ones only]
+    /// Folder of paintings to learn from, sub-folders included [default: generated ones only]
     #[arg(long, value_name = "DIR")]
     styles: Option<PathBuf>,
+    /// Encoder of styles made by train-encoder; MODEL will carry it [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    encoder: Option<PathBuf>,
     /// What to train; `style` continues from the geometry that MODEL has
     #[arg(long, value_enum, default_value = "all")]
     stage: StageArg,
@@ -107,6 +110,8 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
         scene: args.scene.clone(),
         output: args.output.clone(),
         styles: args.styles.clone(),
+        encoder: args.encoder.clone(),
+        cache: cache_folder(),
         stages: match args.stage {
             StageArg::All => Stages::All,
             StageArg::Geometry => Stages::Geometry,
@@ -151,7 +156,7 @@ pub fn describe(summary: &TrainSummary) -> String {
     );
     if summary.unreadable_paintings > 0 {
         text += &format!(
-            "{} paintings could not be read and were left out\n",
+            "{} files of the style folder are no readable pictures and were left out\n",
             summary.unreadable_paintings
         );
     }

@@ -30,6 +30,17 @@ pub enum StyleError {
         /// Where it was looked for.
         path: PathBuf,
     },
+    /// An encoder was made for another perceptual network.
+    #[error(
+        "the encoder reads {found}, but style.perceptual is {wanted}: make one with `impasto \
+         train-encoder --perceptual {wanted}` and give it with --encoder"
+    )]
+    OtherNetwork {
+        /// What it was made for.
+        found: crate::Network,
+        /// What it is to be used with.
+        wanted: crate::Network,
+    },
     /// Nowhere to keep weights.
     #[error("no folder for weights is known; set IMPASTO_WEIGHTS to one")]
     NoFolder,

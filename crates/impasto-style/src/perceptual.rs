@@ -5,6 +5,8 @@
 use crate::{StyleError, TensorFile};
 use burn::tensor::Tensor;
 use impasto_kernels::{ConvLayer, PerceptualStack, ops};
+use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::sync::Arc;
 
 pub(crate) const VGG16_FILE: &str = "vgg16_conv1_1_to_conv4_1_f16.safetensors";
@@ -81,6 +83,44 @@ pub struct Features {
     pub content: Vec<f32>,
     /// Style statistics.
     pub statistics: Statistics,
+}
+
+/// Which perceptual network: what styles and contents are measured with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Network {
+    /// VGG-16, shipped.
+    #[default]
+    Vgg16,
+    /// VGG-19 (the paper's), which users install.
+    Vgg19,
+}
+
+impl Network {
+    /// Reads its weights.
+    ///
+    /// # Errors
+    /// If an asset is damaged, or VGG-19 is not installed.
+    pub fn load(self) -> Result<Perceptual, StyleError> {
+        match self {
+            Self::Vgg16 => Perceptual::vgg16(),
+            Self::Vgg19 => Perceptual::vgg19_installed(),
+        }
+    }
+
+    /// The number in its name.
+    pub(crate) fn number(self) -> f32 {
+        match self {
+            Self::Vgg16 => 16.0,
+            Self::Vgg19 => 19.0,
+        }
+    }
+}
+
+impl fmt::Display for Network {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "vgg{}", self.number())
+    }
 }
 
 /// The perceptual network. Cheap to clone.

@@ -31,6 +31,11 @@ impl<'a> TensorFile<'a> {
         }
     }
 
+    /// Whether there is a tensor of that name.
+    pub fn has(&self, key: &str) -> bool {
+        self.tensors.tensor(key).is_ok()
+    }
+
     /// One tensor's numbers as f32 (stored as f32 or f16).
     ///
     /// # Errors

@@ -1,12 +1,12 @@
 //! The style-VAE (PAPER §5): a painting's statistics to a code, and back.
 
-use crate::perceptual::Statistics;
+use crate::perceptual::{Network, Statistics};
 use crate::{StyleError, TensorFile, write_f16};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_kernels::{Activation, MlpSpec, cpu};
 use serde::{Deserialize, Serialize};
 
-/// The shipped weights, made by `examples/train_encoder.rs`.
+/// The shipped weights, made by `impasto train-encoder`.
 pub(crate) const SHIPPED: &[u8] = include_bytes!("../../../assets/style_vae_f16.safetensors");
 pub(crate) const WIDTH: usize = 1024;
 
@@ -48,9 +48,42 @@ impl StyleCode {
     }
 }
 
+/// Which statistics a style-VAE reads and rebuilds: always the last ones of [`Statistics`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StyleInput {
+    /// All four layers, 1,920 numbers: deeper layers say little about colours and fine texture.
+    All,
+    /// Mean and deviation at relu4_1 alone, 1,024 numbers, as in the paper.
+    #[serde(rename = "relu4_1")]
+    Relu4_1,
+}
+
+impl StyleInput {
+    /// How many of the last statistics are read.
+    pub const fn numbers(self) -> usize {
+        match self {
+            Self::All => Statistics::LEN,
+            Self::Relu4_1 => 2 * 512,
+        }
+    }
+
+    fn of(numbers: usize) -> Option<Self> {
+        let both = [Self::All, Self::Relu4_1];
+        both.into_iter().find(|input| input.numbers() == numbers)
+    }
+
+    /// The part that is read.
+    pub(crate) fn part(self, statistics: &Statistics) -> &[f32] {
+        &statistics.0[Statistics::LEN - self.numbers()..]
+    }
+}
+
 /// Encoder and decoder with the standardisation of their statistics.
 #[derive(Debug, Clone)]
 pub struct StyleVae {
+    pub(crate) network: Network,
+    pub(crate) input: StyleInput,
     pub(crate) mean: Vec<f32>,
     pub(crate) scale: Vec<f32>,
     /// What μ is multiplied with to give a code.
@@ -59,17 +92,17 @@ pub struct StyleVae {
     pub(crate) decoder: Vec<f32>,
 }
 
-pub(crate) fn encoder_spec() -> MlpSpec {
+pub(crate) fn encoder_spec(input: StyleInput) -> MlpSpec {
     MlpSpec::relu(
-        &[Statistics::LEN, WIDTH, WIDTH, 2 * StyleCode::LEN],
+        &[input.numbers(), WIDTH, WIDTH, 2 * StyleCode::LEN],
         false,
         Activation::Linear,
     )
 }
 
-pub(crate) fn decoder_spec() -> MlpSpec {
+pub(crate) fn decoder_spec(input: StyleInput) -> MlpSpec {
     MlpSpec::relu(
-        &[StyleCode::LEN, WIDTH, WIDTH, Statistics::LEN],
+        &[StyleCode::LEN, WIDTH, WIDTH, input.numbers()],
         false,
         Activation::Linear,
     )
@@ -87,16 +120,66 @@ impl StyleVae {
     /// Reads stored weights; `name` is for messages.
     ///
     /// # Errors
-    /// If a tensor is missing or has another length.
+    /// If a tensor is missing, has another length, or holds what no number can be divided by.
     pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, StyleError> {
+        let fault = |reason: String| StyleError::Weights {
+            file: name.to_owned(),
+            reason,
+        };
         let file = TensorFile::open(name, bytes)?;
-        Ok(Self {
-            mean: file.floats_of("mean", Statistics::LEN)?,
-            scale: file.floats_of("scale", Statistics::LEN)?,
+        let mean = file.floats("mean")?;
+        let input = StyleInput::of(mean.len()).ok_or_else(|| {
+            fault(format!(
+                "is made for {} statistics, {} or {} were expected",
+                mean.len(),
+                StyleInput::All.numbers(),
+                StyleInput::Relu4_1.numbers()
+            ))
+        })?;
+        // Older files do not say: there was one network only.
+        let number = match file.has("perceptual") {
+            true => file.floats_of("perceptual", 1)?[0],
+            false => Network::Vgg16.number(),
+        };
+        let networks = [Network::Vgg16, Network::Vgg19].into_iter();
+        let network = networks
+            .filter(|network| network.number() == number)
+            .last()
+            .ok_or_else(|| fault(format!("is made for an unknown network, {number}")))?;
+        let vae = Self {
+            network,
+            input,
+            mean,
+            scale: file.floats_of("scale", input.numbers())?,
             gain: file.floats_of("gain", StyleCode::LEN)?,
-            encoder: file.floats_of("encoder", encoder_spec().params())?,
-            decoder: file.floats_of("decoder", decoder_spec().params())?,
-        })
+            encoder: file.floats_of("encoder", encoder_spec(input).params())?,
+            decoder: file.floats_of("decoder", decoder_spec(input).params())?,
+        };
+        let all = [&vae.mean, &vae.scale, &vae.gain, &vae.encoder, &vae.decoder];
+        let finite = all.into_iter().flatten().all(|x| x.is_finite());
+        if finite && vae.scale.iter().chain(&vae.gain).all(|x| *x > 0.0) {
+            Ok(vae)
+        } else {
+            Err(fault(
+                "holds numbers that no encoder has; train it again".into(),
+            ))
+        }
+    }
+
+    /// The same, said to read the statistics of `network`.
+    #[must_use]
+    pub fn of_network(self, network: Network) -> Self {
+        Self { network, ..self }
+    }
+
+    /// The network whose statistics it reads.
+    pub fn network(&self) -> Network {
+        self.network
+    }
+
+    /// Which statistics it reads.
+    pub fn input(&self) -> StyleInput {
+        self.input
     }
 
     /// The same, with codes that are μ itself.
@@ -112,6 +195,7 @@ impl StyleVae {
     /// If safetensors refuses them.
     pub fn to_bytes(&self) -> Result<Vec<u8>, StyleError> {
         write_f16(&[
+            ("perceptual", &[self.network.number()]),
             ("mean", &self.mean),
             ("scale", &self.scale),
             ("gain", &self.gain),
@@ -121,14 +205,18 @@ impl StyleVae {
     }
 
     pub(crate) fn standardised(&self, statistics: &Statistics) -> Vec<f32> {
-        let stats = statistics.0.iter().zip(self.mean.iter().zip(&self.scale));
-        stats.map(|(x, (m, s))| (x - m) / s).collect()
+        self.standardised_part(self.input.part(statistics))
     }
 
-    /// The code of a painting's statistics.
+    fn standardised_part(&self, part: &[f32]) -> Vec<f32> {
+        let numbers = part.iter().zip(self.mean.iter().zip(&self.scale));
+        numbers.map(|(x, (m, s))| (x - m) / s).collect()
+    }
+
+    /// The code of a painting's statistics, of which it takes the [part](StyleInput) it reads.
     pub fn encode(&self, statistics: &Statistics) -> StyleCode {
         let mut code = cpu::mlp::forward(
-            &encoder_spec(),
+            &encoder_spec(self.input),
             &self.standardised(statistics),
             &self.encoder,
         );
@@ -137,21 +225,22 @@ impl StyleVae {
         StyleCode(code)
     }
 
-    /// The statistics that a code stands for.
-    pub fn decode(&self, code: &StyleCode) -> Statistics {
+    /// The statistics that a code stands for: the last ones, as many as the encoder
+    /// [reads](Self::input).
+    pub fn decode(&self, code: &StyleCode) -> Vec<f32> {
         let mu: Vec<f32> = code.0.iter().zip(&self.gain).map(|(c, g)| c / g).collect();
-        let out = cpu::mlp::forward(&decoder_spec(), &mu, &self.decoder);
+        let out = cpu::mlp::forward(&decoder_spec(self.input), &mu, &self.decoder);
         let numbers = out.iter().zip(self.mean.iter().zip(&self.scale));
-        Statistics(numbers.map(|(x, (m, s))| x * s + m).collect())
+        numbers.map(|(x, (m, s))| x * s + m).collect()
     }
 
-    /// Share of the (standardised) variance of `set` that decoding explains: 1 is perfect, 0 is
-    /// as good as the mean of the training set.
+    /// Share of the (standardised) variance of `set` that decoding explains, of the statistics that
+    /// are read: 1 is perfect, 0 is as good as the mean of the training set.
     pub fn explained(&self, set: &[Statistics]) -> f64 {
         let (mut error, mut variance) = (0.0f64, 0.0f64);
         for statistics in set {
             let truth = self.standardised(statistics);
-            let rebuilt = self.standardised(&self.decode(&self.encode(statistics)));
+            let rebuilt = self.standardised_part(&self.decode(&self.encode(statistics)));
             for (t, r) in truth.iter().zip(rebuilt) {
                 error += f64::from(t - r).powi(2);
                 variance += f64::from(*t).powi(2);

@@ -2,8 +2,8 @@
 
 use crate::components::{Components, principal_components};
 use crate::hypernetwork::normal;
-use crate::perceptual::Statistics;
-use crate::vae::{StyleCode, StyleVae, WIDTH, decoder_spec, encoder_spec};
+use crate::perceptual::{Network, Statistics};
+use crate::vae::{StyleCode, StyleInput, StyleVae, WIDTH, decoder_spec, encoder_spec};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_kernels::cpu;
 use impasto_kernels::ops::{self, AdamParam};
@@ -13,6 +13,8 @@ use rand_pcg::Pcg64;
 /// How to train a style-VAE.
 #[derive(Debug, Clone, Copy)]
 pub struct VaeTraining {
+    /// What it reads.
+    pub input: StyleInput,
     /// Optimiser steps.
     pub steps: u64,
     /// Vectors a step.
@@ -45,7 +47,7 @@ pub fn train_vae(
         "a style-VAE learns from at least one style"
     );
     let mut rng = Pcg64::seed_from_u64(training.seed);
-    let mut vae = linear_vae(set, &mut rng, device);
+    let mut vae = linear_vae(training.input, set, &mut rng, device);
     let mut params =
         [&vae.encoder, &vae.decoder].map(|flat| AdamParam::new(vector(flat.clone(), device)));
     for step in 0..training.steps {
@@ -87,16 +89,20 @@ fn losses(
         .map(|_| normal(rng))
         .collect();
     let (input, noise) = (
-        matrix(batch, Statistics::LEN),
+        matrix(batch, training.input.numbers()),
         matrix(noise, StyleCode::LEN),
     );
-    let latent = ops::mlp(input.clone(), encoder.clone(), &encoder_spec());
+    let latent = ops::mlp(
+        input.clone(),
+        encoder.clone(),
+        &encoder_spec(training.input),
+    );
     let mu = latent.clone().slice([0..training.batch, 0..StyleCode::LEN]);
     let log_variance = latent
         .slice([0..training.batch, StyleCode::LEN..2 * StyleCode::LEN])
         .clamp(-10.0, 10.0);
     let code = mu.clone() + (log_variance.clone() * 0.5).exp() * noise;
-    let rebuilt = ops::mlp(code, decoder.clone(), &decoder_spec());
+    let rebuilt = ops::mlp(code, decoder.clone(), &decoder_spec(training.input));
     let error = (rebuilt - input).square().mean();
     let divergence = (mu.square() + log_variance.clone().exp() - log_variance - 1.0).mean() * 0.5;
     let loss = error.clone() * training.reconstruction + divergence * training.divergence;
@@ -122,17 +128,18 @@ const FIRST_LOG_VARIANCE: f32 = -4.0;
 
 /// An encoder that projects on principal components and whitens, a decoder that undoes it, written
 /// as networks of relus: each hidden layer holds every score twice, with both signs.
-fn linear_vae(set: &[Statistics], rng: &mut Pcg64, device: &Device) -> StyleVae {
-    let mut vae = standardisation(set);
+fn linear_vae(input: StyleInput, set: &[Statistics], rng: &mut Pcg64, device: &Device) -> StyleVae {
+    let mut vae = standardisation(input, set);
+    let inputs = input.numbers();
     let rows: Vec<f32> = set.iter().flat_map(|s| vae.standardised(s)).collect();
     let Components {
         directions,
         variances,
-    } = principal_components(&rows, Statistics::LEN, StyleCode::LEN, rng, device);
+    } = principal_components(&rows, inputs, StyleCode::LEN, rng, device);
     let deviation = |score: usize| variances[score].sqrt().max(LEAST_DEVIATION);
-    let direction = |score: usize, axis: usize| directions[score * Statistics::LEN + axis];
+    let direction = |score: usize, axis: usize| directions[score * inputs + axis];
     let mut encoder = Layers::default();
-    encoder.push(WIDTH, Statistics::LEN, |row, column| {
+    encoder.push(WIDTH, inputs, |row, column| {
         let (score, sign) = signed(row);
         sign * direction(score, column) / deviation(score)
     });
@@ -152,7 +159,7 @@ fn linear_vae(set: &[Statistics], rng: &mut Pcg64, device: &Device) -> StyleVae 
         if score == column { sign } else { 0.0 }
     });
     decoder.push(WIDTH, WIDTH, passed_on);
-    decoder.push(Statistics::LEN, WIDTH, |row, column| {
+    decoder.push(inputs, WIDTH, |row, column| {
         let (score, sign) = signed(column);
         sign * direction(score, row) * deviation(score)
     });
@@ -162,16 +169,19 @@ fn linear_vae(set: &[Statistics], rng: &mut Pcg64, device: &Device) -> StyleVae 
 }
 
 /// Mean and deviation of every statistic, with empty networks.
-fn standardisation(set: &[Statistics]) -> StyleVae {
+fn standardisation(input: StyleInput, set: &[Statistics]) -> StyleVae {
     let n = set.len() as f32;
-    let mean: Vec<f32> = (0..Statistics::LEN)
-        .map(|i| set.iter().map(|s| s.0[i]).sum::<f32>() / n)
+    let parts = || set.iter().map(|s| input.part(s));
+    let mean: Vec<f32> = (0..input.numbers())
+        .map(|i| parts().map(|s| s[i]).sum::<f32>() / n)
         .collect();
-    let variance = |i: usize| set.iter().map(|s| (s.0[i] - mean[i]).powi(2)).sum::<f32>() / n;
-    let scale = (0..Statistics::LEN)
+    let variance = |i: usize| parts().map(|s| (s[i] - mean[i]).powi(2)).sum::<f32>() / n;
+    let scale = (0..input.numbers())
         .map(|i| variance(i).sqrt().max(LEAST_SCALE))
         .collect();
     StyleVae {
+        network: Network::default(),
+        input,
         mean,
         scale,
         gain: vec![1.0; StyleCode::LEN],
@@ -218,11 +228,11 @@ fn gains(vae: &StyleVae, set: &[Statistics]) -> Vec<f32> {
     for (i, pair) in probes.chunks_exact_mut(2 * StyleCode::LEN).enumerate() {
         (pair[i], pair[StyleCode::LEN + i]) = (0.5, -0.5);
     }
-    let decoded = cpu::mlp::forward(&decoder_spec(), &probes, &vae.decoder);
+    let decoded = cpu::mlp::forward(&decoder_spec(vae.input), &probes, &vae.decoder);
     let mut gains: Vec<f32> = decoded
-        .chunks_exact(2 * Statistics::LEN)
+        .chunks_exact(2 * vae.input.numbers())
         .map(|pair| {
-            let (up, down) = pair.split_at(Statistics::LEN);
+            let (up, down) = pair.split_at(vae.input.numbers());
             let change: f32 = up.iter().zip(down).map(|(a, b)| (a - b).powi(2)).sum();
             change.sqrt().max(LEAST_CHANGE)
         })

@@ -3,7 +3,10 @@
 
 use burn::tensor::Device;
 use impasto_paintings::{Recipe, paint};
-use impasto_style::{Perceptual, Statistics, StyleCode, StyleVae, VaeTraining, picture, train_vae};
+use impasto_style::{
+    Perceptual, Statistics, StyleCode, StyleInput, StyleVae, VaeTraining, picture, train_vae,
+    write_f16,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -30,8 +33,15 @@ fn vectors(count: usize, rank: usize) -> Vec<Statistics> {
 
 #[test]
 fn training_starts_from_principal_components_and_scales_codes() {
+    for input in [StyleInput::All, StyleInput::Relu4_1] {
+        trains_from_principal_components(input);
+    }
+}
+
+fn trains_from_principal_components(input: StyleInput) {
     let set = vectors(60, 8);
     let training = VaeTraining {
+        input,
         steps: 2,
         batch: 8,
         rate: 1e-5,
@@ -50,6 +60,10 @@ fn training_starts_from_principal_components_and_scales_codes() {
     let codes = set.iter().flat_map(|s| vae.encode(s).0);
     let square = codes.map(|c| c * c).sum::<f32>() / (set.len() * StyleCode::LEN) as f32;
     assert!((square - 1.0).abs() < 1e-3, "{square}");
+    assert_eq!(vae.decode(&vae.encode(&set[0])).len(), input.numbers());
+    let read = StyleVae::from_bytes("vae", &vae.to_bytes().unwrap()).unwrap();
+    assert_eq!(read.input(), input);
+    assert!((read.explained(&set) - explained).abs() < 1e-2);
 }
 
 #[test]
@@ -63,4 +77,17 @@ fn the_shipped_encoder_explains_pictures_it_never_saw() {
         .collect();
     let explained = vae.explained(&unseen);
     assert!(explained > 0.9, "{explained}");
+}
+
+#[test]
+fn damaged_encoders_are_refused() {
+    let whole = StyleVae::shipped().unwrap().to_bytes().unwrap();
+    assert!(StyleVae::from_bytes("cut", &whole[..whole.len() / 2]).is_err());
+    let other = write_f16(&[("mean", &[0.0; 7])]).unwrap();
+    let message = StyleVae::from_bytes("other.safetensors", &other).unwrap_err();
+    let message = message.to_string();
+    assert!(
+        message.contains("other.safetensors") && message.contains("7 statistics"),
+        "{message}"
+    );
 }

@@ -25,10 +25,29 @@ pub enum Event {
         test_photos: usize,
         /// Width and height of the first photo as trained.
         size: [u32; 2],
-        /// Style images.
+        /// Files of the style folder, not looked at yet.
         paintings: usize,
         /// Whether the photos were made by a program.
         synthetic: bool,
+    },
+    /// Statistics of pictures were measured or found in the cache (reported a few times a second
+    /// at most).
+    Measured {
+        /// Pictures so far.
+        pictures: usize,
+        /// Those of them that had to be looked at; the others were cached.
+        fresh: usize,
+        /// Pictures in the end, unless time runs out or files are unreadable.
+        planned: usize,
+    },
+    /// An encoder of styles is being trained.
+    EncoderStep {
+        /// Steps so far.
+        step: u64,
+        /// Steps in the end.
+        steps: u64,
+        /// Smoothed mean squared error of the rebuilt statistics, in units of their variance.
+        error: f64,
     },
     /// A stage begins.
     StageStarted {
@@ -49,6 +68,10 @@ pub enum Event {
         progress: f64,
         /// Smoothed loss.
         loss: f64,
+        /// Its smoothed content loss, once the style stage has one.
+        content: Option<f64>,
+        /// Its smoothed style loss, likewise.
+        style: Option<f64>,
         /// Steps a second.
         rate: f64,
         /// Rays a second.

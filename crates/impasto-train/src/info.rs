@@ -70,6 +70,10 @@ impl ModelFile {
             "name": self.scene.name,
             "synthetic": self.scene.synthetic,
             "has_style": self.style.is_some(),
+            "encoder": self.encoder.as_ref().map_or_else(
+                || json!("built-in"),
+                |encoder| json!({"own": true, "input": encoder.input()}),
+            ),
             "photos": {"train": of(Split::Train), "test": of(Split::Test)},
             "quality": self.quality,
             "parameters": {

@@ -5,17 +5,23 @@
 
 pub mod budget;
 pub mod config;
+mod encoder;
 mod error;
 pub mod event;
 mod geometry_stage;
+mod hash;
 mod info;
 mod log;
+mod measuring;
 mod model;
 mod model_file;
 mod painted;
 mod palette;
 mod patches;
+mod progress;
 mod rays;
+mod style_cache;
+mod style_folder;
 mod style_stage;
 mod styles;
 mod train;
@@ -23,6 +29,9 @@ mod validation;
 
 pub use budget::{Budget, Clock};
 pub use config::TrainConfig;
+pub use encoder::{
+    EncoderCheck, EncoderOptions, EncoderSummary, check_encoder, read_encoder, train_encoder,
+};
 pub use error::TrainError;
 pub use event::{Event, Stage};
 pub use geometry_stage::{GeometryStage, StepReport};
@@ -31,6 +40,11 @@ pub use model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 pub use palette::{Palette, Recolouring};
 pub use patches::Frozen;
 pub use rays::{CameraRays, PhotoRays, photo_rays};
+pub use style_cache::cache_folder;
+pub use style_folder::{StyleFile, StyleFolder};
 pub use style_stage::{StyleModel, StyleReport, StyleStage};
-pub use styles::{FIRST_GENERATED, Paintings, STYLE_SIDE, Style, read_paintings, style_set, whole};
+pub use styles::{
+    FIRST_GENERATED, MOST_STYLES, Paintings, STYLE_SIDE, Style, StyleSet, StyleSources,
+    read_paintings, whole,
+};
 pub use train::{Stages, TrainOptions, TrainSummary, train};

@@ -117,8 +117,8 @@ impl Model {
             Some(encoder) => encoder,
             None => {
                 let made = Encoder {
-                    vgg: Perceptual::vgg16()?,
-                    vae: self.file.config.encoder(StyleVae::shipped()?),
+                    vgg: self.file.config.style.perceptual.load()?,
+                    vae: self.file.encoder()?,
                 };
                 self.encoder.get_or_init(|| made)
             }

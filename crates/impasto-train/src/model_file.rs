@@ -9,7 +9,7 @@ use impasto_field::render::host;
 use impasto_field::{Appearance, BranchWeights, Canvas, Field, FieldWeights, Grids};
 use impasto_kernels::DensityGrid;
 use impasto_scene::{Camera, Normalisation, Split};
-use impasto_style::HypernetworkWeights;
+use impasto_style::{HypernetworkWeights, StyleError, StyleVae};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use serde::{Deserialize, Serialize};
@@ -87,6 +87,8 @@ pub struct ModelFile {
     pub photo_app: Appearance,
     /// Hypernetworks, once the style stage has run.
     pub style: Option<StyleModel>,
+    /// The encoder that its style codes come from, if it is not the shipped one.
+    pub encoder: Option<StyleVae>,
 }
 
 struct Entry {
@@ -115,6 +117,8 @@ fn levels(name: &str, grid: &DensityGrid) -> Entry {
     }
 }
 
+/// Tensor that holds an encoder's own safetensors file, byte by byte.
+const ENCODER: &str = "style_vae";
 const VOLUMES: [&str; 2] = ["inner", "outer"];
 /// What names of a cascade's first field begin with.
 const COARSE: &str = "coarse.";
@@ -134,7 +138,15 @@ fn level_entries(level: &str, weights: &FieldWeights) -> Vec<Entry> {
 }
 
 impl ModelFile {
-    fn entries(&self) -> Vec<Entry> {
+    /// The encoder that its style codes come from.
+    ///
+    /// # Errors
+    /// If the shipped asset is damaged, or the encoder is for another perceptual network.
+    pub fn encoder(&self) -> Result<StyleVae, StyleError> {
+        self.config.encoder(self.encoder.clone())
+    }
+
+    fn entries(&self) -> Result<Vec<Entry>, StyleError> {
         let mut entries = vec![
             levels("inner.grid", &self.grids.inner),
             levels("outer.grid", &self.grids.outer),
@@ -159,7 +171,16 @@ impl ModelFile {
                 entries.push(floats("outer.canvas", &canvas.outer));
             }
         }
-        entries
+        if let Some(encoder) = &self.encoder {
+            let bytes = encoder.to_bytes()?;
+            entries.push(Entry {
+                name: ENCODER.into(),
+                dtype: Dtype::U8,
+                length: bytes.len(),
+                bytes,
+            });
+        }
+        Ok(entries)
     }
 
     /// Writes `dir/model.safetensors` under a temporary name, then renames it.
@@ -180,7 +201,7 @@ impl ModelFile {
             seed: self.seed,
         };
         let json = serde_json::to_string(&header).map_err(|e| failed(e.to_string()))?;
-        let entries = self.entries();
+        let entries = self.entries()?;
         let views = entries
             .iter()
             .map(|e| {
@@ -345,11 +366,19 @@ impl Reader<'_> {
             },
             weights,
             style: self.style(&field, &config)?,
+            encoder: self.encoder()?,
             config,
             scene: header.scene,
             quality: header.quality,
             seed: header.seed,
         })
+    }
+
+    fn encoder(&self) -> Result<Option<StyleVae>, String> {
+        let stored = self.tensors.tensor(ENCODER).ok();
+        let read = stored.map(|tensor| StyleVae::from_bytes(ENCODER, tensor.data()));
+        read.transpose()
+            .map_err(|e| format!("holds a damaged encoder ({e})"))
     }
 
     fn style(&self, field: &Field, config: &TrainConfig) -> Result<Option<StyleModel>, String> {

@@ -50,6 +50,28 @@ impl Palette {
         Self::of(picture(&square).chunks_exact(3))
     }
 
+    /// How many numbers it is made of.
+    pub(crate) const NUMBERS: usize = 9;
+
+    /// All of it: the mean, then the covariance's upper triangle by rows.
+    pub(crate) fn numbers(&self) -> [f64; Self::NUMBERS] {
+        let (m, c) = (self.mean, self.covariance);
+        let [x, y, z] = [c.x_axis, c.y_axis, c.z_axis];
+        [m.x, m.y, m.z, x.x, x.y, x.z, y.y, y.z, z.z]
+    }
+
+    /// The inverse of [`Self::numbers`].
+    pub(crate) fn of_numbers(n: &[f64; Self::NUMBERS]) -> Self {
+        Self {
+            mean: DVec3::new(n[0], n[1], n[2]),
+            covariance: DMat3::from_cols(
+                DVec3::new(n[3], n[4], n[5]),
+                DVec3::new(n[4], n[6], n[7]),
+                DVec3::new(n[5], n[7], n[8]),
+            ),
+        }
+    }
+
     /// `self` and `other` mixed linearly, `share` of the latter.
     pub fn mixed(&self, other: &Self, share: f32) -> Self {
         let share = f64::from(share);

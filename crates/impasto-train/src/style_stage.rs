@@ -6,7 +6,7 @@ use crate::config::TrainConfig;
 use crate::painted;
 use crate::patches::{Frozen, FrozenPatch, PatchPool};
 use crate::rays::PhotoRays;
-use crate::styles::Style;
+use crate::styles::{Style, StyleSet};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_field::{Appearance, Canvas, Field};
 use impasto_kernels::ops::AdamParam;
@@ -69,7 +69,7 @@ impl StyleModel {
 pub struct StyleStage {
     config: TrainConfig,
     patches: PatchPool,
-    styles: Vec<Style>,
+    styles: StyleSet,
     vae: impasto_style::StyleVae,
     vgg: Perceptual,
     hyper: [Hypernetwork; 2],
@@ -87,10 +87,10 @@ pub struct StyleStage {
 pub struct StyleReport {
     /// Total loss.
     pub loss: f64,
-    /// Content loss, zero while the palette is learned.
-    pub content: f64,
-    /// Style loss, zero while the palette is learned.
-    pub style: f64,
+    /// Content loss, once the palette is learned.
+    pub content: Option<f64>,
+    /// Style loss, once the palette is learned.
+    pub style: Option<f64>,
     /// Rays painted.
     pub rays: usize,
 }
@@ -107,7 +107,7 @@ impl StyleStage {
         frozen: Frozen,
         photos: Vec<PhotoRays>,
         (vgg, vae): (Perceptual, impasto_style::StyleVae),
-        styles: Vec<Style>,
+        styles: StyleSet,
         seed: u64,
         device: &Device,
     ) -> Self {
@@ -166,22 +166,14 @@ impl StyleStage {
         Ok(self.descend(&patch, &style, clock))
     }
 
-    /// A painting, or a mix of two: the loss needs statistics only, and the code that belongs to
-    /// mixed statistics is known.
+    /// A painting, or a mix of two.
     fn draw_style(&mut self, virtual_share: f32) -> Style {
-        let one = self.styles[self.rng.random_range(0..self.styles.len())].clone();
-        if self.rng.random::<f32>() >= virtual_share {
-            return one;
-        }
-        let other = &self.styles[self.rng.random_range(0..self.styles.len())];
-        let share = self.rng.random();
-        let statistics = one.statistics.mixed(&other.statistics, share);
-        Style {
-            code: self.vae.encode(&statistics),
-            target: one.target.mixed(&other.target, share),
-            palette: one.palette.mixed(&other.palette, share),
-            statistics,
-        }
+        let one = self.rng.random_range(0..self.styles.len());
+        let other = (self.rng.random::<f32>() < virtual_share).then(|| {
+            let other = self.rng.random_range(0..self.styles.len());
+            (other, self.rng.random())
+        });
+        self.styles.style(&self.vae, one, other)
     }
 
     fn descend(&mut self, patch: &FrozenPatch, style: &Style, clock: &Clock) -> StyleReport {
@@ -305,8 +297,8 @@ impl Losses {
         let number = |t: &Tensor<1>| f64::from(t.clone().inner().into_scalar::<f32>());
         StyleReport {
             loss: number(&self.total),
-            content: self.content.as_ref().map_or(0.0, number),
-            style: self.style.as_ref().map_or(0.0, number),
+            content: self.content.as_ref().map(number),
+            style: self.style.as_ref().map(number),
             rays,
         }
     }

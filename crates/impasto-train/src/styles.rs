@@ -1,28 +1,32 @@
-//! The paintings that a run learns from: statistics and codes, computed once.
+//! The paintings that a run learns from: statistics, measured once.
 
+use crate::TrainError;
+use crate::event::Event;
+use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
 use crate::palette::Palette;
+use crate::style_cache::Measured;
+use crate::style_folder::{StyleFile, StyleFolder};
 use image::RgbImage;
 use image::imageops::crop_imm;
-use impasto_paintings::{Recipe, paint};
 use impasto_style::{
-    Perceptual, Statistics, StyleCode, StyleError, StyleVae, picture, recolour, square_crop,
+    Perceptual, Statistics, StyleCode, StyleError, StyleVae, picture, square_crop,
 };
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Side of the square pictures that statistics are taken of.
 pub const STYLE_SIDE: u32 = 160;
 /// Random crops per painting, beside the whole.
-const CROPS: u64 = 8;
-/// Smallest share of the side that a random crop keeps: smaller crops have larger strokes.
+const CROPS: u16 = 8;
+/// Smallest share of the side that a random crop keeps.
 const LEAST_CROP: f32 = 0.5;
-/// Share of random crops whose colours are changed: palettes vary more than 100 paintings do.
-const RECOLOURED: f64 = 0.5;
 /// First seed of generated training pictures; the ones below are free for other uses.
 pub const FIRST_GENERATED: u64 = 10_000;
+/// Most styles of a run, at 4 kB each: all 81,330 paintings of WikiArt and as many crops and
+/// generated pictures as there is room for. Of a larger folder, a part as good as random is used.
+pub const MOST_STYLES: usize = 131_072;
 
 /// A painting as training sees it.
 #[derive(Debug, Clone)]
@@ -41,41 +45,30 @@ pub struct Style {
 /// What a folder of paintings turned into.
 #[derive(Debug, Clone, Default)]
 pub struct Paintings {
-    /// Readable pictures with their file names, in name order.
+    /// Readable pictures with their names within the folder, in name order.
     pub named: Vec<(String, RgbImage)>,
     /// Files that could not be read, with the reason.
     pub unreadable: Vec<(PathBuf, String)>,
 }
 
-/// Reads every image of a folder.
+/// Reads every image of a folder and its sub-folders, all into memory: for folders of hundreds.
 ///
 /// # Errors
 /// If the folder cannot be listed.
 pub fn read_paintings(dir: &Path) -> std::io::Result<Paintings> {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(dir)?
-        .filter_map(|e| Some(e.ok()?.path()))
-        .filter(|p| p.is_file())
-        .collect();
-    files.sort();
-    let read: Vec<_> = files
-        .into_par_iter()
-        .map(|path| (impasto_scene::read_rgb(&path), path))
-        .collect();
-    let mut paintings = Paintings::default();
-    for (image, path) in read {
+    let folder = StyleFolder::walk(dir)?;
+    let read: Vec<_> = folder.files.par_iter().map(StyleFile::read).collect();
+    let mut paintings = Paintings {
+        unreadable: folder.unreadable,
+        ..Paintings::default()
+    };
+    for (image, file) in read.into_iter().zip(folder.files) {
         match image {
-            Ok(image) => paintings.named.push((file_name(&path), image)),
-            Err(error) => paintings.unreadable.push((path, error.to_string())),
+            Ok(image) => paintings.named.push((file.name, image)),
+            Err(reason) => paintings.unreadable.push((file.path, reason)),
         }
     }
     Ok(paintings)
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
 }
 
 /// The crop that stands for a painting whenever it is not training: its middle square.
@@ -86,13 +79,13 @@ pub fn whole(vgg: &Perceptual, painting: &RgbImage) -> Result<Statistics, StyleE
     statistics(vgg, &square_crop(painting, 1.0, (0.5, 0.5), STYLE_SIDE))
 }
 
-fn statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleError> {
+pub(crate) fn statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleError> {
     let side = STYLE_SIDE as usize;
     Ok(vgg.features(&picture(square), side, side)?.statistics)
 }
 
 /// Mean statistics of windows of `height × width` pixels that cover the picture.
-fn window_statistics(
+pub(crate) fn window_statistics(
     vgg: &Perceptual,
     square: &RgbImage,
     patch: [usize; 2],
@@ -118,137 +111,151 @@ fn window_statistics(
     Ok(Statistics(sum))
 }
 
-/// Statistics and codes of all paintings (whole and random crops) and of `generated` pictures, to
-/// be painted on patches of `patch` = `[height, width]` pixels.
-///
-/// With a `deadline`, generated pictures and crops still missing then are left out; the whole
-/// paintings always come first.
-///
-/// # Errors
-/// If the network refuses a picture.
-pub fn style_set(
-    (vgg, vae): (&Perceptual, &StyleVae),
-    patch: [usize; 2],
-    paintings: &[(String, RgbImage)],
-    generated: usize,
-    seed: u64,
-    deadline: Option<Instant>,
-) -> Result<Vec<Style>, StyleError> {
-    let crops = |which: std::ops::RangeInclusive<u64>| {
-        which
-            .flat_map(|crop| (0..paintings.len()).map(move |painting| Job::Crop { painting, crop }))
-    };
-    let made: Vec<Job> = (0..generated as u64).map(Job::Generated).collect();
-    let jobs: Vec<Job> = crops(0..=0)
-        .chain(interleaved(&crops(1..=CROPS).collect::<Vec<_>>(), &made))
-        .collect();
-    let measured: Vec<(Style, Statistics)> = jobs[..jobs.len().min(MEASURED)]
-        .par_iter()
-        .map(|job| {
-            let square = job.square(paintings, seed);
-            let window = window_statistics(vgg, &square, patch)?;
-            Ok((described(vgg, vae, &square)?, window))
-        })
-        .collect::<Result<_, StyleError>>()?;
-    let shrinkage = shrinkage(&measured);
-    let mut styles: Vec<Style> = Vec::with_capacity(jobs.len());
-    styles.extend(measured.into_iter().map(|(style, _)| style));
-    let least = paintings.len().max(BATCH);
-    for chunk in jobs[styles.len()..].chunks(BATCH) {
-        if deadline.is_some_and(|d| Instant::now() >= d) && styles.len() >= least {
-            break;
-        }
-        let more = chunk
-            .par_iter()
-            .map(|job| described(vgg, vae, &job.square(paintings, seed)))
-            .collect::<Result<Vec<_>, StyleError>>()?;
-        styles.extend(more);
-    }
-    for style in &mut styles {
-        let statistics = style.statistics.0.iter().zip(&shrinkage);
-        style.target = Statistics(statistics.map(|(x, s)| x * s).collect());
-    }
-    Ok(styles)
-}
-
-/// A picture as a style whose patches are taken to look like the whole.
-fn described(vgg: &Perceptual, vae: &StyleVae, square: &RgbImage) -> Result<Style, StyleError> {
-    let statistics = statistics(vgg, square)?;
-    Ok(Style {
-        code: vae.encode(&statistics),
-        target: statistics.clone(),
-        palette: Palette::of(picture(square).chunks_exact(3)),
-        statistics,
-    })
-}
-
-/// How each statistic changes, on average, from whole pictures to windows: measured on a few, it
-/// saves the windows of all others.
-fn shrinkage(measured: &[(Style, Statistics)]) -> Vec<f32> {
-    let sum = |get: fn(&(Style, Statistics)) -> &Statistics, i: usize| {
-        measured.iter().map(|m| get(m).0[i]).sum::<f32>()
-    };
-    (0..Statistics::LEN)
-        .map(|i| {
-            let (whole, window) = (sum(|m| &m.0.statistics, i), sum(|m| &m.1, i));
-            if whole > 0.0 {
-                (window / whole).clamp(0.5, 2.0)
-            } else {
-                1.0
-            }
-        })
-        .collect()
-}
-
-/// Pictures whose windows are measured.
-const MEASURED: usize = 24;
-/// Pictures made between two looks at the clock.
-const BATCH: usize = 8;
-
-/// One picture to take statistics of.
+/// What styles to learn from.
 #[derive(Debug, Clone, Copy)]
-enum Job {
-    Crop { painting: usize, crop: u64 },
-    Generated(u64),
+pub struct StyleSources<'a> {
+    /// Paintings: whole and in random crops.
+    pub folder: Option<&'a StyleFolder>,
+    /// Generated pictures beside them.
+    pub generated: usize,
+    /// Height and width of the patches that will be painted.
+    pub patch: [usize; 2],
+    /// Folder where statistics are kept for later runs, see [`crate::cache_folder`].
+    pub cache: Option<&'a Path>,
+    /// When to stop measuring. At least 128 pictures are measured, whole paintings first; those
+    /// that are missing then are left out, unless they are cached.
+    pub deadline: Option<Instant>,
 }
 
-impl Job {
-    fn square(self, paintings: &[(String, RgbImage)], seed: u64) -> RgbImage {
-        match self {
-            Self::Generated(i) => {
-                paint(&Recipe::random(FIRST_GENERATED + i), STYLE_SIDE, STYLE_SIDE)
-            }
-            Self::Crop { painting, crop: 0 } => {
-                square_crop(&paintings[painting].1, 1.0, (0.5, 0.5), STYLE_SIDE)
-            }
-            Self::Crop { painting, crop } => {
-                let mut rng = Pcg64::seed_from_u64(seed ^ ((painting as u64) << 8 | crop));
-                let part = rng.random_range(LEAST_CROP..1.0);
-                let mut square = square_crop(
-                    &paintings[painting].1,
-                    part,
-                    (rng.random(), rng.random()),
-                    STYLE_SIDE,
-                );
-                if rng.random() {
-                    image::imageops::flip_horizontal_in_place(&mut square);
-                }
-                if rng.random_bool(RECOLOURED) {
-                    recolour(&mut square, &mut rng);
-                }
-                square
-            }
+/// The styles of a run: statistics in half precision, of which the rest is made when drawn.
+#[derive(Debug, Clone)]
+pub struct StyleSet {
+    kept: Vec<Arc<Measured>>,
+    /// Factor from whole pictures to windows, per statistic.
+    shrinkage: Vec<f32>,
+    /// Files that are no pictures, with the reason.
+    pub unreadable: Vec<(PathBuf, String)>,
+    /// Pictures that had to be looked at; the others' statistics were cached.
+    pub fresh: usize,
+}
+
+impl StyleSet {
+    /// Measures styles, or takes them from the cache: what comes out does not depend on which.
+    ///
+    /// # Errors
+    /// If there is no picture at all.
+    pub fn gather(
+        vgg: &Perceptual,
+        sources: &StyleSources<'_>,
+        sink: &mut dyn FnMut(&Event),
+    ) -> Result<Self, TrainError> {
+        let (path, files) = parts(sources.folder);
+        let sampling = Sampling {
+            crops: CROPS,
+            least_crop: LEAST_CROP,
+            first_generated: FIRST_GENERATED,
+            generated: sources.generated,
+            most: MOST_STYLES,
+            window: Some(sources.patch),
+            deadline: sources.deadline,
+        };
+        let cache = sources.cache;
+        let gathered = Measurer { vgg, cache, sink }.gather(path, files, &sampling)?;
+        let mut unreadable = sources.folder.map_or(Vec::new(), |f| f.unreadable.clone());
+        unreadable.extend(gathered.unreadable);
+        warn_of_unreadable(&unreadable, sink);
+        if gathered.pictures.is_empty() {
+            return Err(TrainError::Styles {
+                path: path.to_owned(),
+                reason: "holds no readable painting any more".into(),
+            });
+        }
+        Ok(Self {
+            shrinkage: shrinkage(&gathered.pictures, &gathered.windows),
+            kept: gathered.pictures,
+            unreadable,
+            fresh: gathered.fresh,
+        })
+    }
+
+    /// The styles of whole pictures in memory.
+    ///
+    /// # Errors
+    /// Never for pictures of at least 1×1 pixel.
+    pub fn of_pictures(
+        vgg: &Perceptual,
+        pictures: &[RgbImage],
+        patch: [usize; 2],
+    ) -> Result<Self, StyleError> {
+        let (mut kept, mut windows) = (Vec::new(), Vec::new());
+        for image in pictures {
+            let square = square_crop(image, 1.0, (0.5, 0.5), STYLE_SIDE);
+            let palette = Palette::of_picture(image);
+            let measured = |s| Arc::new(Measured::new(&s, palette));
+            kept.push(measured(statistics(vgg, &square)?));
+            windows.push(measured(window_statistics(vgg, &square, patch)?));
+        }
+        Ok(Self {
+            shrinkage: shrinkage(&kept, &windows),
+            kept,
+            unreadable: Vec::new(),
+            fresh: pictures.len(),
+        })
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.kept.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.kept.is_empty()
+    }
+
+    /// One style, or what lies between it and another: `other` is an index with its share. The
+    /// losses need statistics only, and the code that belongs to mixed statistics is known.
+    ///
+    /// # Panics
+    /// If an index is not below [`Self::len`].
+    pub fn style(&self, vae: &StyleVae, index: usize, other: Option<(usize, f32)>) -> Style {
+        let one = &self.kept[index];
+        let (mut statistics, mut palette) = (one.statistics(), one.palette);
+        if let Some((other, share)) = other {
+            let other = &self.kept[other];
+            statistics = statistics.mixed(&other.statistics(), share);
+            palette = palette.mixed(&other.palette, share);
+        }
+        let shrunk = statistics.0.iter().zip(&self.shrinkage).map(|(x, s)| x * s);
+        Style {
+            target: Statistics(shrunk.collect()),
+            code: vae.encode(&statistics),
+            palette,
+            statistics,
         }
     }
 }
 
-/// Elements of both lists in turn, so that stopping early keeps the balance.
-fn interleaved(one: &[Job], other: &[Job]) -> Vec<Job> {
-    let longer = one.len().max(other.len());
-    (0..longer)
-        .flat_map(|i| one.get(i).into_iter().chain(other.get(i)))
-        .copied()
-        .collect()
+/// How each statistic changes, on average, from whole pictures to windows: measured on a few, the
+/// first, it saves the windows of all others.
+fn shrinkage(wholes: &[Arc<Measured>], windows: &[Arc<Measured>]) -> Vec<f32> {
+    let sum = |all: &[Arc<Measured>]| {
+        let mut sum = vec![0.0; Statistics::LEN];
+        for one in all.iter().take(windows.len()) {
+            let numbers = one.statistics();
+            sum.iter_mut().zip(&numbers.0).for_each(|(s, x)| *s += x);
+        }
+        sum
+    };
+    let both = sum(wholes).into_iter().zip(sum(windows));
+    both.map(|(whole, window): (f32, f32)| {
+        if whole > 0.0 {
+            (window / whole).clamp(0.5, 2.0)
+        } else {
+            1.0
+        }
+    })
+    .collect()
 }
 
 #[cfg(test)]
@@ -256,6 +263,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
     use super::*;
+    use impasto_paintings::{Recipe, paint};
 
     #[test]
     fn window_statistics_are_the_mean_over_windows_that_cover_the_picture() {

@@ -2,15 +2,18 @@
 
 use crate::budget::{Budget, Clock};
 use crate::config::TrainConfig;
+use crate::encoder::read_encoder;
 use crate::event::{Event, Stage};
 use crate::geometry_stage::GeometryStage;
 use crate::log::Log;
 use crate::model::{Inspiration, Model};
 use crate::model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 use crate::patches::Frozen;
+use crate::progress::Progress;
 use crate::rays::photo_rays;
+use crate::style_folder::StyleFolder;
 use crate::style_stage::StyleStage;
-use crate::styles::{Paintings, read_paintings, style_set};
+use crate::styles::{StyleSet, StyleSources};
 use crate::{TrainError, validation};
 use burn::tensor::Device;
 use impasto_field::Field;
@@ -38,8 +41,13 @@ pub struct TrainOptions {
     pub scene: PathBuf,
     /// The model folder.
     pub output: PathBuf,
-    /// A folder of paintings; without one, generated pictures only.
+    /// A folder of paintings, with its sub-folders; without one, generated pictures only.
     pub styles: Option<PathBuf>,
+    /// An encoder made by [`crate::train_encoder`], which the model then carries; without one,
+    /// the shipped one.
+    pub encoder: Option<PathBuf>,
+    /// Folder where statistics of paintings are kept for later runs; `None` keeps nothing.
+    pub cache: Option<PathBuf>,
     /// Stages.
     pub stages: Stages,
     /// Sizes and rates.
@@ -73,9 +81,9 @@ pub struct TrainSummary {
     pub style_steps: u64,
     /// Training photos.
     pub train_photos: usize,
-    /// Paintings read.
+    /// Files in the style folder, less those that are known to be no pictures.
     pub paintings: usize,
-    /// Files in the style folder that are no pictures.
+    /// Files in the style folder that the style stage found to be no pictures.
     pub unreadable_paintings: usize,
     /// Whether the photos were made by a program.
     pub synthetic: bool,
@@ -91,8 +99,6 @@ const LEAST_RESERVE: Duration = Duration::from_secs(2);
 const PREPARATION: f64 = 0.12;
 /// Most of a time budget that comparing held-out views may take.
 const COMPARISON: f64 = 0.05;
-/// Time between two step events.
-const REPORT_EVERY: Duration = Duration::from_millis(500);
 
 /// Trains and writes a model folder.
 ///
@@ -111,28 +117,30 @@ pub fn train(
     };
     let scene = impasto_scene::load(&options.scene, &load)?;
     check_sizes(&scene, options)?;
-    let paintings = match &options.styles {
-        Some(dir) => paintings(dir)?,
-        None => Paintings::default(),
-    };
-    // Before anything is written: a style stage needs what it continues.
+    let paintings = options.styles.as_deref();
+    let paintings = paintings.map(StyleFolder::of_paintings).transpose()?;
+    let encoder = options.encoder.as_deref().map(read_encoder).transpose()?;
+    // Before anything is written: a style stage needs its networks, and what it continues.
+    if options.stages != Stages::Geometry {
+        options.config.style.perceptual.load()?;
+        options.config.encoder(encoder.clone())?;
+    }
     let trained = match options.stages {
         Stages::Style => Some(continued(options, &scene)?),
         Stages::All | Stages::Geometry => None,
     };
     let mut log = Log::create(&options.output, sink)?;
-    log.event(&loaded(&scene, &paintings));
-    for (path, reason) in &paintings.unreadable {
-        log.event(&Event::Warning {
-            message: format!("left out {}: {reason}", path.display()),
-        });
-    }
+    let found = paintings.as_ref().map_or(0, |folder| folder.files.len());
+    log.event(&loaded(&scene, found));
     let mut run = Run {
         options,
         scene,
         start,
         device: Device::flex(),
         log,
+        paintings,
+        encoder,
+        unreadable: 0,
     };
     let (mut file, geometry_steps) = match trained {
         Some(file) => (file, 0),
@@ -140,7 +148,7 @@ pub fn train(
     };
     let style_steps = match options.stages {
         Stages::Geometry => 0,
-        Stages::All | Stages::Style => run.style(&mut file, &paintings)?,
+        Stages::All | Stages::Style => run.style(&mut file)?,
     };
     let seconds = start.elapsed().as_secs_f64();
     run.log.event(&Event::Done { seconds });
@@ -153,8 +161,8 @@ pub fn train(
         geometry_steps,
         style_steps,
         train_photos: run.scene.train().count(),
-        paintings: paintings.named.len(),
-        unreadable_paintings: paintings.unreadable.len(),
+        paintings: found.saturating_sub(run.unreadable),
+        unreadable_paintings: run.unreadable,
         synthetic: run.scene.synthetic,
     })
 }
@@ -166,22 +174,7 @@ fn continued(options: &TrainOptions, scene: &Scene) -> Result<ModelFile, TrainEr
     Ok(file)
 }
 
-fn paintings(dir: &std::path::Path) -> Result<Paintings, TrainError> {
-    let fault = |reason: String| TrainError::Styles {
-        path: dir.to_owned(),
-        reason,
-    };
-    let paintings = read_paintings(dir).map_err(|e| fault(format!("cannot be read ({e})")))?;
-    match (paintings.named.is_empty(), paintings.unreadable.first()) {
-        (false, _) => Ok(paintings),
-        (true, None) => Err(fault("is empty; put JPEG or PNG paintings there".into())),
-        (true, Some((_, first))) => Err(fault(format!(
-            "holds no readable painting; the first file says: {first}"
-        ))),
-    }
-}
-
-fn loaded(scene: &Scene, paintings: &Paintings) -> Event {
+fn loaded(scene: &Scene, paintings: usize) -> Event {
     let size = scene
         .photos
         .first()
@@ -190,7 +183,7 @@ fn loaded(scene: &Scene, paintings: &Paintings) -> Event {
         train_photos: scene.train().count(),
         test_photos: scene.test().count(),
         size: [size.0, size.1],
-        paintings: paintings.named.len(),
+        paintings,
         synthetic: scene.synthetic,
     }
 }
@@ -245,48 +238,10 @@ struct Run<'a> {
     start: Instant,
     device: Device,
     log: Log<'a>,
-}
-
-/// Smoothed numbers of a running stage, reported now and then.
-struct Progress {
-    stage: Stage,
-    smooth: f64,
-    rays: u64,
-    last: Instant,
-}
-
-impl Progress {
-    fn new(stage: Stage) -> Self {
-        Self {
-            stage,
-            smooth: 0.0,
-            rays: 0,
-            last: Instant::now(),
-        }
-    }
-
-    fn step(&mut self, clock: &Clock, loss: f64, rays: usize, log: &mut Log<'_>) {
-        self.smooth = if clock.steps <= 1 {
-            loss
-        } else {
-            0.98 * self.smooth + 0.02 * loss
-        };
-        self.rays += rays as u64;
-        if self.last.elapsed() < REPORT_EVERY && !clock.is_over() {
-            return;
-        }
-        self.last = Instant::now();
-        let seconds = clock.seconds().max(1e-9);
-        log.event(&Event::Step {
-            stage: self.stage,
-            step: clock.steps,
-            progress: clock.progress(),
-            loss: self.smooth,
-            rate: clock.steps as f64 / seconds,
-            rays_per_second: self.rays as f64 / seconds,
-            eta: clock.eta(),
-        });
-    }
+    paintings: Option<StyleFolder>,
+    encoder: Option<StyleVae>,
+    /// Files of the style folder that are no pictures.
+    unreadable: usize,
 }
 
 impl Run<'_> {
@@ -332,7 +287,12 @@ impl Run<'_> {
         while !clock.is_over() {
             let report = stage.step(&clock);
             clock.steps += 1;
-            progress.step(&clock, report.loss, report.rays, &mut self.log);
+            progress.step(
+                &clock,
+                [Some(report.loss), None, None],
+                report.rays,
+                &mut self.log,
+            );
         }
         let (weights, grids, photo_app) = stage.snapshot();
         let mut file = ModelFile {
@@ -344,6 +304,7 @@ impl Run<'_> {
             grids,
             photo_app,
             style: None,
+            encoder: None,
         };
         let model = Model::from_file(file.clone(), self.device.clone());
         let limit = match self.options.budget {
@@ -386,39 +347,21 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn style(&mut self, file: &mut ModelFile, paintings: &Paintings) -> Result<u64, TrainError> {
+    fn style(&mut self, file: &mut ModelFile) -> Result<u64, TrainError> {
         // The field stays as it was trained; only what concerns styles is taken from this run.
         file.config.style = self.options.config.style.clone();
         file.config.style_app = self.options.config.style_app.clone();
-        let (vgg, vae) = (
-            Perceptual::vgg16()?,
-            file.config.encoder(StyleVae::shipped()?),
-        );
-        let generated = if paintings.named.is_empty() {
-            GENERATED_ALONE
-        } else {
-            file.config.style.generated
-        };
+        file.encoder = self.encoder.clone();
+        let (vgg, vae) = (file.config.style.perceptual.load()?, file.encoder()?);
         let whole = self.stage_budget(Stage::Style);
         self.started(Stage::Style, whole);
-        let deadline = match whole {
-            Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),
-            Budget::Steps(_) => None,
-        };
-        let styles = style_set(
-            (&vgg, &vae),
-            file.config.style.patch,
-            &paintings.named,
-            generated,
-            self.options.seed,
-            deadline,
-        )?;
-        let shown: Vec<_> = styles
-            .iter()
+        let styles = self.gathered(file, &vgg, whole)?;
+        let shown: Vec<_> = (0..styles.len())
             .step_by(styles.len().div_ceil(4).max(1))
-            .map(|s| Inspiration {
-                code: s.code.clone(),
-                palette: s.palette,
+            .map(|index| styles.style(&vae, index, None))
+            .map(|style| Inspiration {
+                code: style.code,
+                palette: style.palette,
             })
             .collect();
         let budget = self.stage_budget(Stage::Style);
@@ -444,7 +387,8 @@ impl Run<'_> {
         while !clock.is_over() {
             let report = stage.step(&clock)?;
             clock.steps += 1;
-            progress.step(&clock, report.loss, report.rays, &mut self.log);
+            let losses = [Some(report.loss), report.content, report.style];
+            progress.step(&clock, losses, report.rays, &mut self.log);
         }
         file.style = Some(stage.snapshot());
         let model = Model::from_file(file.clone(), self.device.clone());
@@ -453,6 +397,31 @@ impl Run<'_> {
         }
         self.save(file)?;
         Ok(clock.steps)
+    }
+}
+
+impl Run<'_> {
+    /// Statistics, from the cache or measured within a part of the stage's time.
+    fn gathered(
+        &mut self,
+        file: &ModelFile,
+        vgg: &Perceptual,
+        budget: Budget,
+    ) -> Result<StyleSet, TrainError> {
+        let folder = self.paintings.as_ref();
+        let sources = StyleSources {
+            folder,
+            generated: folder.map_or(GENERATED_ALONE, |_| file.config.style.generated),
+            patch: file.config.style.patch,
+            cache: self.options.cache.as_deref(),
+            deadline: match budget {
+                Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),
+                Budget::Steps(_) => None,
+            },
+        };
+        let styles = StyleSet::gather(vgg, &sources, &mut |event| self.log.event(event))?;
+        self.unreadable = styles.unreadable.len();
+        Ok(styles)
     }
 }
 

@@ -170,7 +170,7 @@ fn a_branch_of_the_geometry_stage_agrees() {
     let view = matrix(golden.floats("view"), 27, &device());
     let features = trunk.forward(position, &base, Some(&latent));
     let sigma = ops::mlp(features.clone(), geo_weights.clone(), &geo()).abs();
-    let rgb = app.forward(features, vec![view], &app_weights, Some(&latent));
+    let rgb = app.forward(features, vec![view], (&app_weights, Some(&latent)), None);
     golden.check("sigma", &host(sigma.clone()));
     golden.check("rgb", &host(rgb.clone()));
     let loss = weighted(rgb, linspace(0.1, 1.0, 36)) + weighted(sigma, linspace(-1.0, 1.0, 12));
@@ -204,7 +204,7 @@ fn a_branch_of_the_stylization_stage_agrees() {
         Some(&latent),
     );
     let view = matrix(golden.floats("view"), 27, &device());
-    let rgb = app.forward(features, vec![view], &predicted, None);
+    let rgb = app.forward(features, vec![view], (&predicted, None), None);
     golden.check("rgb", &host(rgb.clone()));
     let gradients = weighted(rgb, linspace(0.1, 1.0, 36)).backward();
     golden.check_gradient(("", &TRUNK), (&base, &gradients), GRADIENTS);

@@ -13,7 +13,7 @@ use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::config::StyleConfig;
 use impasto_train::{
     Budget, Clock, Event, Frozen, GeometryStage, Model, ModelFile, ModelScene, Quality, Stages,
-    StyleReport, StyleStage, TrainConfig, TrainOptions, photo_rays, style_set, train,
+    StyleReport, StyleSet, StyleStage, TrainConfig, TrainOptions, photo_rays, train,
 };
 
 fn small() -> TrainConfig {
@@ -110,6 +110,7 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
         grids,
         photo_app,
         style: None,
+        encoder: None,
     }
 }
 
@@ -137,9 +138,7 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     let file = reconstruct(&scene, config, 120);
     let (vgg, vae) = (Perceptual::vgg16().unwrap(), StyleVae::shipped().unwrap());
     let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
-    let paintings = [("one".into(), painting)];
-    let mut styles = style_set((&vgg, &vae), config.style.patch, &paintings, 0, 1, None).unwrap();
-    styles.truncate(1);
+    let styles = StyleSet::of_pictures(&vgg, &[painting], config.style.patch).unwrap();
     let frozen = Frozen {
         weights: file.weights,
         grids: file.grids,
@@ -175,7 +174,7 @@ fn style_stage_learns_one_painting_by_heart() {
     for shading in [Shading::Samples, Shading::Surface] {
         config.style_app.shading = shading;
         let reports = paint_one(&config, 80);
-        let style = |part: &[StyleReport]| mean(part, |r| r.style);
+        let style = |part: &[StyleReport]| mean(part, |r| r.style.unwrap());
         let (first, last) = (style(&reports[..5]), style(&reports[70..]));
         assert!(
             last < 0.5 * first,
@@ -187,16 +186,16 @@ fn style_stage_learns_one_painting_by_heart() {
 #[test]
 fn a_cascade_learns_one_painting_by_heart() {
     let reports = paint_one(&small_paper(), 60);
-    let style = |part: &[StyleReport]| mean(part, |r| r.style);
+    let style = |part: &[StyleReport]| mean(part, |r| r.style.unwrap());
     let (first, last) = (style(&reports[..5]), style(&reports[50..]));
     assert!(
         last < 0.6 * first,
         "style loss went from {first:.3} to {last:.3}"
     );
-    let total = |r: &StyleReport| r.loss - r.content;
+    let total = |r: &StyleReport| r.loss - r.content.unwrap();
     let weight = f64::from(small_paper().style.style_weight);
     assert!(
-        total(&reports[4]) < 1.0 && total(&reports[5]) > 0.9 * weight * reports[5].style,
+        total(&reports[4]) < 1.0 && total(&reports[5]) > 0.9 * weight * reports[5].style.unwrap(),
         "the style loss joins after five updates"
     );
 }
@@ -230,7 +229,7 @@ fn style_stage_starts_with_the_palette() {
         "squared difference went from {first:.4} to {last:.4}"
     );
     assert!(
-        reports.iter().all(|r| r.style == 0.0),
+        reports.iter().all(|r| r.style.is_none()),
         "no perceptual loss yet"
     );
 }
@@ -282,6 +281,8 @@ fn write_and_read(config: TrainConfig) {
         scene: dir.path().to_owned(),
         output: output.clone(),
         styles: None,
+        encoder: None,
+        cache: None,
         stages: Stages::All,
         config,
         budget: Budget::Steps(30),

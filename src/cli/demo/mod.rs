@@ -13,7 +13,9 @@ use image::RgbImage;
 use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use impasto::scene::{Format, LoadOptions, load};
-use impasto::{Inspiration, Look, Model, Stages, TrainConfig, TrainOptions, TrainSummary};
+use impasto::{
+    Inspiration, Look, Model, Stages, TrainConfig, TrainOptions, TrainSummary, cache_folder,
+};
 use serde_json::json;
 
 use super::train::{BudgetArgs, describe, watched};
@@ -124,6 +126,8 @@ fn trained(args: &DemoArgs) -> Result<TrainSummary, CliError> {
         scene: args.out.join("scene"),
         output: args.out.join("model"),
         styles: None,
+        encoder: None,
+        cache: cache_folder(),
         stages: Stages::All,
         config: TrainConfig {
             geometry_share: GEOMETRY_SHARE,

@@ -1,5 +1,6 @@
 //! `impasto render`.
 
+mod between;
 mod styles;
 mod views;
 
@@ -7,7 +8,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use impasto::{Look, Model};
+use impasto::scene::Camera;
+use impasto::{Look, Model, RenderedView};
 use serde_json::json;
 
 use self::styles::Styles;
@@ -21,7 +23,8 @@ use crate::output::{Frame, Target, picture};
 ///
 /// Several styles without weights are rendered side by side from one pass over the geometry: in a
 /// folder each has a sub-folder of its name, a GIF becomes one file per style, and a contact sheet
-/// has one column per style. Styles with weights (IMAGE:0.7) are mixed into one.
+/// has one column per style. Styles with weights (IMAGE:0.7) are mixed into one. With --interpolate,
+/// two or four styles span a grid of what lies between them.
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub struct RenderArgs {
@@ -33,6 +36,10 @@ pub struct RenderArgs {
     /// From the photos' colours (0) to the style's (1)
     #[arg(long, value_name = "0..1", default_value = "1", value_parser = share, requires = "styles")]
     strength: f32,
+    /// Between two styles N looks in a row, between four N×N in a square, of the first view; PNG only
+    #[arg(long, value_name = "N", requires = "styles", conflicts_with_all = ["frames", "depth"],
+          value_parser = clap::value_parser!(u16).range(2..=between::MOST))]
+    interpolate: Option<u16>,
     /// Viewpoints: train, test (those of the photos), orbit, spiral, or a camera path's JSON file
     #[arg(long, default_value = "orbit", value_name = "VIEWS")]
     views: ViewSource,
@@ -56,9 +63,28 @@ struct Variant {
     look: Look,
 }
 
+/// Renders a view with every look, moved towards the photo's where `strength` is below 1.
+fn render(model: &Model, camera: &Camera, looks: &[&Look], strength: f32) -> RenderedView {
+    if strength >= 1.0 {
+        return model.render(camera, looks);
+    }
+    let photo = model.photo_look();
+    let looks = [looks, &[&photo]].concat();
+    let mut rendered = model.render(camera, &looks);
+    if let Some(photo) = rendered.pixels.pop() {
+        for styled in &mut rendered.pixels {
+            picture::blend(&photo, styled, strength);
+        }
+    }
+    rendered
+}
+
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     let start = Instant::now();
+    if let Some(count) = args.interpolate {
+        return between::run(args, count.into(), start);
+    }
     let target = Target::new(&args.output, args.depth)?;
     let styles = Styles::read(&args.styles)?;
     target.check()?;
@@ -66,23 +92,13 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     let variants = styles.variants(&model)?;
     let names: Vec<String> = variants.iter().map(|v| v.name.clone()).collect();
     let views = views::views(&model, &args.views, args.size, args.frames)?;
-    let photo = model.photo_look();
-    let blended = args.strength < 1.0 && !styles.is_empty();
-    let mut looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
-    if blended {
-        looks.push(&photo);
-    }
 
+    let looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
     let synthetic = model.file.scene.synthetic;
     let mut sink = target.open(&names, synthetic)?;
     let mut progress = Frames::new(views.len());
     for view in &views {
-        let mut rendered = model.render(&view.camera, &looks);
-        if blended && let Some(photo) = rendered.pixels.pop() {
-            for styled in &mut rendered.pixels {
-                picture::blend(&photo, styled, args.strength);
-            }
-        }
+        let rendered = render(&model, &view.camera, &looks, args.strength);
         sink.add(Frame {
             view,
             pictures: (0..variants.len())

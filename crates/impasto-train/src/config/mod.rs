@@ -4,7 +4,7 @@ mod checks;
 mod presets;
 
 use impasto_field::{AppearanceConfig, FieldConfig};
-use impasto_style::{PatchStrides, StyleReduction, StyleVae};
+use impasto_style::{Network, PatchStrides, StyleError, StyleReduction, StyleVae};
 use serde::{Deserialize, Serialize};
 
 /// Geometry stage (PAPER §4).
@@ -49,6 +49,8 @@ pub enum ContentTarget {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StyleConfig {
+    /// The network that paintings and patches are measured with.
+    pub perceptual: Network,
     /// λ of the style loss.
     pub style_weight: f32,
     /// Whether the style loss of a painting is divided by its distance to the photos, so that all
@@ -148,11 +150,20 @@ impl TrainConfig {
         AppearanceConfig { view_bands, ..app }
     }
 
-    /// An encoder whose codes are what [`StyleConfig::weigh_codes`] says.
-    pub fn encoder(&self, vae: StyleVae) -> StyleVae {
-        match self.style.weigh_codes {
+    /// The encoder of styles: `own`, or the shipped one, with codes as
+    /// [`StyleConfig::weigh_codes`] says.
+    ///
+    /// # Errors
+    /// If the shipped asset is damaged, or the encoder is for another perceptual network.
+    pub fn encoder(&self, own: Option<StyleVae>) -> Result<StyleVae, StyleError> {
+        let vae = own.map_or_else(StyleVae::shipped, Ok)?;
+        let (found, wanted) = (vae.network(), self.style.perceptual);
+        if found != wanted {
+            return Err(StyleError::OtherNetwork { found, wanted });
+        }
+        Ok(match self.style.weigh_codes {
             true => vae,
             false => vae.unweighed(),
-        }
+        })
     }
 }

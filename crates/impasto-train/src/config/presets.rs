@@ -6,7 +6,7 @@ use impasto_field::{
     AppearanceConfig, CascadeConfig, DensityActivation, EncodingConfig, FieldConfig,
     SamplingConfig, Shading, VolumeConfig,
 };
-use impasto_style::{PatchStrides, StyleReduction};
+use impasto_style::{Network, PatchStrides, StyleReduction};
 
 impl TrainConfig {
     /// The default preset: hash grids, 64-wide networks, a canvas for strokes.
@@ -77,6 +77,7 @@ impl TrainConfig {
                 grid_every: 16,
             },
             style: StyleConfig {
+                perceptual: Network::Vgg16,
                 style_weight: 60.0,
                 weigh_paintings: true,
                 style_reduction: StyleReduction::Concatenated,

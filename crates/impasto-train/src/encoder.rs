@@ -1,0 +1,259 @@
+//! Training and checking of the encoder that turns a painting's statistics into a style code.
+
+use crate::TrainError;
+use crate::event::Event;
+use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
+use crate::style_folder::{StyleFile, StyleFolder};
+use burn::tensor::Device;
+use impasto_style::{
+    Network, Perceptual, Statistics, StyleError, StyleInput, StyleVae, VaeTraining, train_vae,
+};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Random crops per painting, beside the whole.
+const CROPS: u16 = 13;
+/// Smallest share of the side that a random crop keeps.
+const LEAST_CROP: f32 = 0.45;
+/// First seed of generated pictures: far from those that styles are learned from.
+const FIRST_GENERATED: u64 = 1_000_000;
+/// Most vectors to learn from; training holds several copies of them, 8 kB each.
+const MOST: usize = 24_576;
+/// Without a folder of its own, one painting in this many is held out.
+const HELD_OUT: usize = 8;
+/// Time between two events.
+const REPORT_EVERY: Duration = Duration::from_millis(500);
+
+/// How to train an encoder.
+#[derive(Debug, Clone)]
+pub struct EncoderOptions {
+    /// A folder of paintings, with its sub-folders.
+    pub styles: PathBuf,
+    /// Paintings to check it on; without, every 8th of `styles` is held out.
+    pub heldout: Option<PathBuf>,
+    /// Optimiser steps.
+    pub steps: u64,
+    /// Generated pictures to learn from beside the paintings.
+    pub generated: usize,
+    /// The network that measures paintings.
+    pub network: Network,
+    /// Which statistics it reads.
+    pub input: StyleInput,
+    /// Seed of the training; crops and generated pictures are always the same.
+    pub seed: u64,
+    /// Folder where statistics of paintings are kept for later runs; `None` keeps nothing.
+    pub cache: Option<PathBuf>,
+}
+
+impl EncoderOptions {
+    /// Steps that the shipped encoder was trained for.
+    pub const STEPS: u64 = 1200;
+    /// Generated pictures that the shipped encoder was trained on.
+    pub const GENERATED: usize = 1600;
+    /// Seed that the shipped encoder was trained with.
+    pub const SEED: u64 = 1;
+}
+
+/// How well an encoder rebuilds whole paintings that it has not seen.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct EncoderCheck {
+    /// Which statistics it reads.
+    pub input: StyleInput,
+    /// R²: share of the variance of the paintings' statistics that is rebuilt, see
+    /// [`StyleVae::explained`].
+    pub explained: f64,
+    /// Paintings.
+    pub paintings: usize,
+    /// Files that are no pictures.
+    pub unreadable: usize,
+}
+
+/// What training an encoder came to.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct EncoderSummary {
+    /// On paintings that it has not seen.
+    pub heldout: EncoderCheck,
+    /// R² on all that it learned from.
+    pub explained_of_training: f64,
+    /// Vectors that it learned from: paintings, crops of them, generated pictures.
+    pub vectors: usize,
+    /// Steps.
+    pub steps: u64,
+    /// Seconds from start to end.
+    pub seconds: f64,
+}
+
+/// Trains an encoder. What comes back has been rounded as its file is.
+///
+/// # Errors
+/// If a folder cannot be read or holds no picture.
+pub fn train_encoder(
+    options: &EncoderOptions,
+    sink: &mut dyn FnMut(&Event),
+) -> Result<(StyleVae, EncoderSummary), TrainError> {
+    let start = Instant::now();
+    let mut folder = StyleFolder::of_paintings(&options.styles)?;
+    let heldout = match &options.heldout {
+        Some(dir) => StyleFolder::of_paintings(dir)?,
+        None => hold_out(&mut folder),
+    };
+    let vgg = options.network.load()?;
+    let cache = options.cache.as_deref();
+    let sampling = Sampling {
+        crops: CROPS,
+        generated: options.generated,
+        most: MOST,
+        ..wholes()
+    };
+    let (set, _) = vectors((&vgg, cache), &folder, &sampling, sink)?;
+    let training = VaeTraining {
+        input: options.input,
+        steps: options.steps,
+        batch: 64,
+        rate: 1e-4,
+        divergence: 2e-3,
+        reconstruction: 5.0,
+        mixed: 0.5,
+        seed: options.seed,
+    };
+    let mut steps = Steps::new(options.steps);
+    let vae = train_vae(&set, &training, &Device::flex(), |step, error| {
+        steps.report(step, error, sink);
+    });
+    let vae = vae.of_network(options.network);
+    let vae = StyleVae::from_bytes("the trained encoder", &vae.to_bytes()?)?;
+    let summary = EncoderSummary {
+        heldout: checked((&vgg, cache), &vae, &heldout, sink)?,
+        explained_of_training: vae.explained(&set),
+        vectors: set.len(),
+        steps: options.steps,
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    Ok((vae, summary))
+}
+
+/// Checks an encoder on a folder of paintings, best ones that it has not seen.
+///
+/// # Errors
+/// If the folder cannot be read or holds no picture.
+pub fn check_encoder(
+    vae: &StyleVae,
+    heldout: &Path,
+    cache: Option<&Path>,
+    sink: &mut dyn FnMut(&Event),
+) -> Result<EncoderCheck, TrainError> {
+    let folder = StyleFolder::of_paintings(heldout)?;
+    checked((&vae.network().load()?, cache), vae, &folder, sink)
+}
+
+/// Reads an encoder's file.
+///
+/// # Errors
+/// If it cannot be read or is no encoder.
+pub fn read_encoder(path: &Path) -> Result<StyleVae, TrainError> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|e| StyleError::Weights {
+        file: name.clone(),
+        reason: format!("cannot be read ({e}); `impasto train-encoder` makes one"),
+    })?;
+    Ok(StyleVae::from_bytes(&name, &bytes)?)
+}
+
+/// Whole paintings alone.
+fn wholes() -> Sampling {
+    Sampling {
+        crops: 0,
+        least_crop: LEAST_CROP,
+        first_generated: FIRST_GENERATED,
+        generated: 0,
+        most: MOST,
+        window: None,
+        deadline: None,
+    }
+}
+
+fn checked(
+    network: (&Perceptual, Option<&Path>),
+    vae: &StyleVae,
+    heldout: &StyleFolder,
+    sink: &mut dyn FnMut(&Event),
+) -> Result<EncoderCheck, TrainError> {
+    let (set, unreadable) = vectors(network, heldout, &wholes(), sink)?;
+    Ok(EncoderCheck {
+        input: vae.input(),
+        explained: vae.explained(&set),
+        paintings: set.len(),
+        unreadable,
+    })
+}
+
+/// Statistics of a folder's pictures, and the number of files that are none.
+fn vectors(
+    (vgg, cache): (&Perceptual, Option<&Path>),
+    folder: &StyleFolder,
+    sampling: &Sampling,
+    sink: &mut dyn FnMut(&Event),
+) -> Result<(Vec<Statistics>, usize), TrainError> {
+    let (path, files) = parts(Some(folder));
+    let gathered = Measurer { vgg, cache, sink }.gather(path, files, sampling)?;
+    let unreadable = [&folder.unreadable[..], &gathered.unreadable].concat();
+    warn_of_unreadable(&unreadable, sink);
+    let set: Vec<Statistics> = gathered.pictures.iter().map(|m| m.statistics()).collect();
+    if set.is_empty() {
+        return Err(TrainError::Styles {
+            path: path.to_owned(),
+            reason: "holds too few readable paintings; give more, or generated ones".into(),
+        });
+    }
+    Ok((set, unreadable.len()))
+}
+
+/// Takes every 8th painting out of a folder.
+fn hold_out(folder: &mut StyleFolder) -> StyleFolder {
+    let (heldout, rest): (Vec<_>, Vec<_>) = std::mem::take(&mut folder.files)
+        .into_iter()
+        .enumerate()
+        .partition(|(i, _)| i % HELD_OUT == 0);
+    let files = |all: Vec<(usize, StyleFile)>| all.into_iter().map(|(_, file)| file).collect();
+    folder.files = files(rest);
+    StyleFolder {
+        path: folder.path.clone(),
+        files: files(heldout),
+        unreadable: Vec::new(),
+    }
+}
+
+/// Smoothed error, reported now and then.
+struct Steps {
+    steps: u64,
+    smooth: f64,
+    last: Instant,
+}
+
+impl Steps {
+    fn new(steps: u64) -> Self {
+        Self {
+            steps,
+            smooth: 0.0,
+            last: Instant::now(),
+        }
+    }
+
+    fn report(&mut self, step: u64, error: f32, sink: &mut dyn FnMut(&Event)) {
+        let error = f64::from(error);
+        self.smooth = if step == 0 {
+            error
+        } else {
+            0.98 * self.smooth + 0.02 * error
+        };
+        if self.last.elapsed() >= REPORT_EVERY || step + 1 == self.steps {
+            self.last = Instant::now();
+            sink(&Event::EncoderStep {
+                step: step + 1,
+                steps: self.steps,
+                error: self.smooth,
+            });
+        }
+    }
+}

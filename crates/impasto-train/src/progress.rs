@@ -1,0 +1,102 @@
+//! Smoothed numbers of a running stage, reported now and then.
+
+use crate::budget::Clock;
+use crate::event::{Event, Stage};
+use crate::log::Log;
+use std::time::{Duration, Instant};
+
+/// Time between two step events.
+const REPORT_EVERY: Duration = Duration::from_millis(500);
+/// Weight of a step in smoothed numbers, once there are as many as its inverse.
+const NEWEST: f64 = 0.02;
+
+/// A running mean of the last numbers; of all while they are few.
+#[derive(Debug, Default, Clone, Copy)]
+struct Smooth {
+    mean: f64,
+    count: u32,
+}
+
+impl Smooth {
+    fn add(&mut self, number: f64) {
+        self.count += 1;
+        let share = (1.0 / f64::from(self.count)).max(NEWEST);
+        self.mean += share * (number - self.mean);
+    }
+
+    fn value(self) -> Option<f64> {
+        (self.count > 0).then_some(self.mean)
+    }
+}
+
+/// A stage's progress.
+pub(crate) struct Progress {
+    stage: Stage,
+    /// Total, content and style loss.
+    losses: [Smooth; 3],
+    rays: u64,
+    last: Instant,
+}
+
+impl Progress {
+    pub(crate) fn new(stage: Stage) -> Self {
+        Self {
+            stage,
+            losses: [Smooth::default(); 3],
+            rays: 0,
+            last: Instant::now(),
+        }
+    }
+
+    /// Takes note of a step: total, content and style loss, as far as there are.
+    pub(crate) fn step(
+        &mut self,
+        clock: &Clock,
+        losses: [Option<f64>; 3],
+        rays: usize,
+        log: &mut Log<'_>,
+    ) {
+        for (smooth, loss) in self.losses.iter_mut().zip(losses) {
+            if let Some(loss) = loss {
+                smooth.add(loss);
+            }
+        }
+        self.rays += rays as u64;
+        if self.last.elapsed() < REPORT_EVERY && !clock.is_over() {
+            return;
+        }
+        self.last = Instant::now();
+        let seconds = clock.seconds().max(1e-9);
+        let [loss, content, style] = self.losses.map(Smooth::value);
+        log.event(&Event::Step {
+            stage: self.stage,
+            step: clock.steps,
+            progress: clock.progress(),
+            loss: loss.unwrap_or_default(),
+            content,
+            style,
+            rate: clock.steps as f64 / seconds,
+            rays_per_second: self.rays as f64 / seconds,
+            eta: clock.eta(),
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_numbers_are_averaged_and_many_forgotten() {
+        let mut smooth = Smooth::default();
+        assert_eq!(smooth.value(), None);
+        [1.0, 2.0, 6.0].map(|number| smooth.add(number));
+        assert!(
+            smooth
+                .value()
+                .is_some_and(|mean| (mean - 3.0).abs() < 1e-12)
+        );
+        (0..1000).for_each(|_| smooth.add(5.0));
+        assert!(smooth.value().is_some_and(|mean| (mean - 5.0).abs() < 1e-6));
+    }
+}
