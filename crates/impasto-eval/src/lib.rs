@@ -77,7 +77,7 @@ pub fn style_fidelity(
     for (_, painting) in paintings {
         let inspiration = model.inspiration(painting)?;
         looks.push(model.look(&inspiration).ok_or(EvalError::Unstyled)?);
-        targets.push(whole(&vgg, painting)?);
+        targets.push(whole(&vgg, painting, STYLE_SIDE)?);
     }
     let photos = &model.file.scene.photos;
     let mut views: Vec<_> = photos.iter().filter(|p| p.split == Split::Test).collect();

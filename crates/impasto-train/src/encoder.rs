@@ -1,6 +1,7 @@
 //! Training and checking of the encoder that turns a painting's statistics into a style code.
 
 use crate::TrainError;
+use crate::config::{PictureConfig, TrainConfig};
 use crate::event::Event;
 use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
 use crate::style_folder::{StyleFile, StyleFolder};
@@ -164,7 +165,10 @@ pub fn read_encoder(path: &Path) -> Result<StyleVae, TrainError> {
 fn wholes() -> Sampling {
     Sampling {
         crops: 0,
-        least_crop: LEAST_CROP,
+        pictures: PictureConfig {
+            least_crop: LEAST_CROP,
+            ..TrainConfig::fast().style.pictures
+        },
         first_generated: FIRST_GENERATED,
         generated: 0,
         most: MOST,

@@ -1,12 +1,13 @@
 //! Statistics of many pictures: paintings read one by one, whole and in crops, and generated
 //! ones; measured once, then taken from a [`Cache`].
 
+use crate::config::PictureConfig;
 use crate::event::Event;
 use crate::hash::Hash;
 use crate::palette::Palette;
 use crate::style_cache::{Cache, Key, Measured};
 use crate::style_folder::{StyleFile, StyleFolder};
-use crate::styles::{STYLE_SIDE, statistics, window_statistics};
+use crate::styles::{statistics, window_statistics};
 use image::RgbImage;
 use impasto_paintings::{Recipe, paint};
 use impasto_style::{Perceptual, StyleError, picture, recolour, square_crop};
@@ -18,8 +19,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Share of random crops whose colours are changed: palettes vary more than 100 paintings do.
-const RECOLOURED: f64 = 0.5;
 /// Pictures whose windows are measured.
 const WINDOWS: usize = 24;
 /// Pictures measured before the first look at the clock, if there are as many.
@@ -38,8 +37,8 @@ const REPORT_EVERY: Duration = Duration::from_millis(500);
 pub(crate) struct Sampling {
     /// Random crops per painting, beside the whole.
     pub crops: u16,
-    /// Smallest share of the side that a random crop keeps: smaller crops have larger strokes.
-    pub least_crop: f32,
+    /// What becomes of them.
+    pub pictures: PictureConfig,
     /// First seed of generated pictures.
     pub first_generated: u64,
     /// Generated pictures.
@@ -122,10 +121,10 @@ fn settings(vgg: &Perceptual, sampling: &Sampling) -> Result<Hash, StyleError> {
         .flat_map(|x| x.to_le_bytes())
         .collect();
     Ok(Hash::of_bytes(&bytes)
-        .and(&STYLE_SIDE)
-        .and(&RECOLOURED)
+        .and(&sampling.pictures.side)
+        .and(&sampling.pictures.recoloured)
         .and(&sampling.crops)
-        .and(&sampling.least_crop)
+        .and(&sampling.pictures.least_crop)
         .and(&sampling.first_generated))
 }
 
@@ -302,15 +301,16 @@ impl Gathering<'_> {
 
     /// The picture of a job, or why there is none.
     fn square(&self, job: Job) -> Result<RgbImage, String> {
+        let side = self.sampling.pictures.side;
         match job {
             Job::Generated(i) => {
                 let recipe = Recipe::random(self.sampling.first_generated + i);
-                Ok(paint(&recipe, STYLE_SIDE, STYLE_SIDE))
+                Ok(paint(&recipe, side, side))
             }
             Job::Crop { file, .. } if self.bad.contains(&file) => Err("see above".into()),
             Job::Crop { file, crop: 0 } => {
                 let painting = self.files[file].read()?;
-                Ok(square_crop(&painting, 1.0, (0.5, 0.5), STYLE_SIDE))
+                Ok(square_crop(&painting, 1.0, (0.5, 0.5), side))
             }
             Job::Crop { file, crop } => {
                 let file = &self.files[file];
@@ -321,13 +321,14 @@ impl Gathering<'_> {
     }
 
     fn random_crop(&self, painting: &RgbImage, rng: &mut Pcg64) -> RgbImage {
-        let part = rng.random_range(self.sampling.least_crop..1.0);
+        let pictures = &self.sampling.pictures;
+        let part = rng.random_range(pictures.least_crop..1.0);
         let place = (rng.random(), rng.random());
-        let mut square = square_crop(painting, part, place, STYLE_SIDE);
+        let mut square = square_crop(painting, part, place, pictures.side);
         if rng.random() {
             image::imageops::flip_horizontal_in_place(&mut square);
         }
-        if rng.random_bool(RECOLOURED) {
+        if rng.random_bool(pictures.recoloured) {
             recolour(&mut square, rng);
         }
         square

@@ -123,8 +123,9 @@ impl Model {
                 self.encoder.get_or_init(|| made)
             }
         };
+        let side = self.file.config.style.pictures.side;
         Ok(Inspiration {
-            code: encoder.vae.encode(&whole(&encoder.vgg, painting)?),
+            code: encoder.vae.encode(&whole(&encoder.vgg, painting, side)?),
             palette: Palette::of_picture(painting),
         })
     }

@@ -3,7 +3,6 @@
 use crate::config::{ContentTarget, StyleConfig};
 use crate::palette::Palette;
 use crate::rays::{CameraRays, PhotoRays};
-use crate::styles::STYLE_SIDE;
 use burn::tensor::Tensor;
 use impasto_field::encoding::matrix;
 use impasto_field::render::host;
@@ -101,7 +100,7 @@ impl PatchPool {
             sampler: PatchSampler {
                 size: settings.patch,
                 strides: settings.strides,
-                reference: STYLE_SIDE as usize,
+                reference: settings.pictures.side as usize,
             },
             app: app.clone(),
             least_weight: settings.least_weight,

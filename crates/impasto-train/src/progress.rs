@@ -90,7 +90,9 @@ mod tests {
     fn few_numbers_are_averaged_and_many_forgotten() {
         let mut smooth = Smooth::default();
         assert_eq!(smooth.value(), None);
-        [1.0, 2.0, 6.0].map(|number| smooth.add(number));
+        for number in [1.0, 2.0, 6.0] {
+            smooth.add(number);
+        }
         assert!(
             smooth
                 .value()

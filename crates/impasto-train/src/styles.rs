@@ -1,6 +1,7 @@
 //! The paintings that a run learns from: statistics, measured once.
 
 use crate::TrainError;
+use crate::config::PictureConfig;
 use crate::event::Event;
 use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
 use crate::palette::Palette;
@@ -16,12 +17,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Side of the square pictures that statistics are taken of.
+/// Side of the square pictures that style is judged on.
 pub const STYLE_SIDE: u32 = 160;
 /// Random crops per painting, beside the whole.
 const CROPS: u16 = 8;
-/// Smallest share of the side that a random crop keeps.
-const LEAST_CROP: f32 = 0.5;
 /// First seed of generated training pictures; the ones below are free for other uses.
 pub const FIRST_GENERATED: u64 = 10_000;
 /// Most styles of a run, at 4 kB each: all 81,330 paintings of WikiArt and as many crops and
@@ -71,16 +70,17 @@ pub fn read_paintings(dir: &Path) -> std::io::Result<Paintings> {
     Ok(paintings)
 }
 
-/// The crop that stands for a painting whenever it is not training: its middle square.
+/// Statistics of what stands for a painting whenever it is not training: its middle square, at
+/// `side` pixels.
 ///
 /// # Errors
 /// Never for pictures of at least 1×1 pixel.
-pub fn whole(vgg: &Perceptual, painting: &RgbImage) -> Result<Statistics, StyleError> {
-    statistics(vgg, &square_crop(painting, 1.0, (0.5, 0.5), STYLE_SIDE))
+pub fn whole(vgg: &Perceptual, painting: &RgbImage, side: u32) -> Result<Statistics, StyleError> {
+    statistics(vgg, &square_crop(painting, 1.0, (0.5, 0.5), side))
 }
 
 pub(crate) fn statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleError> {
-    let side = STYLE_SIDE as usize;
+    let side = square.width() as usize;
     Ok(vgg.features(&picture(square), side, side)?.statistics)
 }
 
@@ -90,7 +90,7 @@ pub(crate) fn window_statistics(
     square: &RgbImage,
     patch: [usize; 2],
 ) -> Result<Statistics, StyleError> {
-    let side = STYLE_SIDE as usize;
+    let side = square.width() as usize;
     let [height, width] = patch.map(|p| p.clamp(1, side));
     let starts = |size: usize| {
         let count = side.div_ceil(size);
@@ -120,6 +120,8 @@ pub struct StyleSources<'a> {
     pub generated: usize,
     /// Height and width of the patches that will be painted.
     pub patch: [usize; 2],
+    /// What paintings are measured on.
+    pub pictures: PictureConfig,
     /// Folder where statistics are kept for later runs, see [`crate::cache_folder`].
     pub cache: Option<&'a Path>,
     /// When to stop measuring. At least 128 pictures are measured, whole paintings first; those
@@ -152,11 +154,11 @@ impl StyleSet {
         let (path, files) = parts(sources.folder);
         let sampling = Sampling {
             crops: CROPS,
-            least_crop: LEAST_CROP,
+            pictures: sources.pictures,
             first_generated: FIRST_GENERATED,
             generated: sources.generated,
             most: MOST_STYLES,
-            window: Some(sources.patch),
+            window: sources.pictures.windowed.then_some(sources.patch),
             deadline: sources.deadline,
         };
         let cache = sources.cache;

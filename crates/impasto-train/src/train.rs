@@ -413,6 +413,7 @@ impl Run<'_> {
             folder,
             generated: folder.map_or(GENERATED_ALONE, |_| file.config.style.generated),
             patch: file.config.style.patch,
+            pictures: file.config.style.pictures,
             cache: self.options.cache.as_deref(),
             deadline: match budget {
                 Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),

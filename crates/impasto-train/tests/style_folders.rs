@@ -5,7 +5,7 @@
 mod common;
 
 use impasto_style::{Perceptual, StyleVae};
-use impasto_train::{Event, MODEL_FILE, StyleFolder, StyleSet, StyleSources, train};
+use impasto_train::{Event, MODEL_FILE, StyleFolder, StyleSet, StyleSources, TrainConfig, train};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -42,6 +42,7 @@ impl Place {
             folder: Some(&folder),
             generated: 2,
             patch: [67, 81],
+            pictures: TrainConfig::fast().style.pictures,
             cache: Some(&cache),
             deadline,
         };

@@ -136,6 +136,21 @@ impl TrainConfig {
                 strides,
                 "paper: both at least 1; scale: [least, greatest], above 0",
             ),
+            (
+                "style.pictures.side",
+                (16..=1024).contains(&s.pictures.side),
+                "16 to 1024",
+            ),
+            (
+                "style.pictures.least_crop",
+                s.pictures.least_crop > 0.0 && s.pictures.least_crop < 1.0,
+                "above 0, below 1",
+            ),
+            (
+                "style.pictures.recoloured",
+                (0.0..=1.0).contains(&s.pictures.recoloured),
+                "0 to 1",
+            ),
             ("style.virtual_share", share(s.virtual_share), "0 to 1"),
             (
                 "style.supersampling",

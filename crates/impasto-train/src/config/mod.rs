@@ -118,10 +118,27 @@ pub struct StyleConfig {
     /// Share of the way that a finished look's colours are moved to the painting's own mean and
     /// contrast.
     pub palette_trust: f32,
+    /// What paintings are measured on.
+    pub pictures: PictureConfig,
     /// Share of steps that train on a mix of two paintings' statistics.
     pub virtual_share: f32,
     /// Number of generated paintings beside the user's.
     pub generated: usize,
+}
+
+/// The square pictures that paintings become.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PictureConfig {
+    /// Pixels a side.
+    pub side: u32,
+    /// Smallest share of the side that a random crop keeps: smaller crops have larger strokes.
+    pub least_crop: f32,
+    /// Share of random crops whose colours are changed: palettes vary more than 100 paintings do.
+    pub recoloured: f64,
+    /// Whether patches are compared with windows of their own size, which have less variety than
+    /// the whole and more border for their pixels.
+    pub windowed: bool,
 }
 
 /// A whole run.

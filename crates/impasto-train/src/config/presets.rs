@@ -1,7 +1,8 @@
 //! The presets.
 
-use super::{ContentTarget, GeometryConfig, StyleConfig, TrainConfig};
-use crate::config::checks::MOST_PATCH_RAYS;
+use super::checks::MOST_PATCH_RAYS;
+use super::{ContentTarget, GeometryConfig, PictureConfig, StyleConfig, TrainConfig};
+use crate::styles::STYLE_SIDE;
 use impasto_field::{
     AppearanceConfig, CascadeConfig, DensityActivation, EncodingConfig, FieldConfig,
     SamplingConfig, Shading, VolumeConfig,
@@ -109,6 +110,12 @@ impl TrainConfig {
                 // All the way lowers the style gain: the place has a say in where light and dark
                 // are.
                 palette_trust: 0.7,
+                pictures: PictureConfig {
+                    side: STYLE_SIDE,
+                    least_crop: 0.5,
+                    recoloured: 0.5,
+                    windowed: true,
+                },
                 virtual_share: 0.5,
                 generated: 300,
             },
@@ -192,6 +199,13 @@ impl TrainConfig {
                 weigh_codes: false,
                 emphasis: 1.0,
                 palette_trust: 0.0,
+                pictures: PictureConfig {
+                    side: 256,
+                    // 53 % of the area.
+                    least_crop: 0.728,
+                    recoloured: 0.0,
+                    windowed: false,
+                },
                 virtual_share: 0.0,
                 generated: 0,
                 ..fast.style
