@@ -181,6 +181,24 @@ fn operation_has_the_gradients_of_central_differences() {
 }
 
 #[test]
+fn a_known_result_comes_back_with_the_gradients_of_computing_it() {
+    let spec = MlpSpec::relu(&[5, 16, 3], true, Activation::Sigmoid);
+    let rows = 70;
+    let (x, params) = inputs(&spec, rows, 1);
+    let weights = numbers(3, rows * 3, -1.0..1.0);
+    let grads_of = |known: bool| {
+        let (x, params) = (leaf(&x, [rows, 5]), leaf(&params, [spec.params()]));
+        let mut out = ops::mlp(x.clone(), params.clone(), &spec);
+        if known {
+            out = ops::mlp_again(x.clone(), params.clone(), &spec, out.detach());
+        }
+        let grads = backward(out.clone(), &weights);
+        (values(out), gradient(&x, &grads), gradient(&params, &grads))
+    };
+    assert_eq!(grads_of(true), grads_of(false));
+}
+
+#[test]
 fn each_gradient_is_the_same_when_asked_for_alone() {
     let spec = MlpSpec::relu(&[5, 16, 3], true, Activation::Sigmoid);
     let rows = 300;

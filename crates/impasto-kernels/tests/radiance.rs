@@ -17,7 +17,7 @@ fn spec(rays: usize, density: Density, view: usize) -> RadianceSpec {
     let base = |widths: &[usize]| MlpSpec::relu(widths, false, Activation::Relu);
     let bases = [
         base(&[WIDTH, 8, FEATURES]),
-        base(&[WIDTH, FEATURES, 6, FEATURES]).with_blocks(vec![1..3]),
+        base(&[WIDTH, FEATURES, 6, FEATURES, FEATURES]).with_blocks(vec![1..3, 3..4]),
     ];
     let volume = |base: &MlpSpec, hidden: &[usize]| VolumeSpec {
         base: base.clone(),

@@ -141,10 +141,9 @@ impl StyleVae {
             true => file.floats_of("perceptual", 1)?[0],
             false => Network::Vgg16.number(),
         };
-        let networks = [Network::Vgg16, Network::Vgg19].into_iter();
-        let network = networks
-            .filter(|network| network.number() == number)
-            .last()
+        let network = [Network::Vgg16, Network::Vgg19]
+            .into_iter()
+            .find(|network| network.number() == number)
             .ok_or_else(|| fault(format!("is made for an unknown network, {number}")))?;
         let vae = Self {
             network,

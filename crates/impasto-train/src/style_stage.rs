@@ -103,7 +103,6 @@ impl StyleStage {
     #[allow(clippy::too_many_arguments)]
     pub fn new(
         config: &TrainConfig,
-        field: Field,
         frozen: Frozen,
         photos: Vec<PhotoRays>,
         (vgg, vae): (Perceptual, impasto_style::StyleVae),
@@ -112,6 +111,8 @@ impl StyleStage {
         device: &Device,
     ) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed ^ 0x57_79_6c_65);
+        let field = Field::new(config.field.clone());
+        let features = field.features();
         let hyper = hypernetworks(&field, config);
         let hyper_params = (0..levels(config)).map(|_| {
             [0, 1].map(|i| {
@@ -121,8 +122,8 @@ impl StyleStage {
         });
         let hyper_params = hyper_params.collect();
         let app = config.style_appearance();
-        let patches = PatchPool::new((&config.style, &app), field.clone(), frozen, photos);
-        let canvas = Appearance::init(app, field.features(), &mut rng, device).canvas;
+        let patches = PatchPool::new((&config.style, &app), field, frozen, photos);
+        let canvas = Appearance::init(app, features, &mut rng, device).canvas;
         Self {
             canvas: canvas.map(|c| [AdamParam::new(c.inner), AdamParam::new(c.outer)]),
             patches,

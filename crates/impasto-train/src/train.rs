@@ -16,7 +16,6 @@ use crate::style_stage::StyleStage;
 use crate::styles::{StyleSet, StyleSources};
 use crate::{TrainError, validation};
 use burn::tensor::Device;
-use impasto_field::Field;
 use impasto_scene::{Format, LoadOptions, Scene};
 use impasto_style::{Perceptual, StyleVae};
 use serde::Serialize;
@@ -366,7 +365,6 @@ impl Run<'_> {
             .collect();
         let budget = self.stage_budget(Stage::Style);
         let photos = photo_rays(self.scene.train().map(|(_, p)| p));
-        let field = Field::new(file.config.field.clone());
         let frozen = Frozen {
             weights: file.weights.clone(),
             grids: file.grids.clone(),
@@ -374,7 +372,6 @@ impl Run<'_> {
         };
         let mut stage = StyleStage::new(
             &file.config,
-            field,
             frozen,
             photos,
             (vgg, vae),

@@ -3,9 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use burn::tensor::Device;
-use impasto_field::{
-    CascadeConfig, DensityActivation, EncodingConfig, Field, Shading, VolumeConfig,
-};
+use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
 use impasto_paintings::{Family, Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{LoadOptions, Scene, load, metrics};
@@ -146,7 +144,6 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     };
     let mut stage = StyleStage::new(
         config,
-        Field::new(config.field.clone()),
         frozen,
         photo_rays(scene.train().map(|(_, p)| p)),
         (vgg, vae),
