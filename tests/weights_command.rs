@@ -8,6 +8,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use impasto::paintings::{Recipe, paint};
+use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use serde_json::{Value, json};
 use torch_files::{SEQUENTIAL, Saved, TORCHVISION, random_vgg19, stream_form, zip_form};
 
@@ -131,6 +133,71 @@ fn a_checkpoint_becomes_an_installed_network() {
     fs::write(&path, &bytes[..bytes.len() - 5]).unwrap();
     let listed = answer(&weights(folder, &["--json"]));
     assert_eq!(listed["vgg19"]["state"], "damaged");
+}
+
+/// Runs a command that uses installed weights.
+fn impasto(folder: &Path, arguments: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_impasto"))
+        .args(arguments.split_whitespace())
+        .current_dir(folder)
+        .env("IMPASTO_WEIGHTS", "kept")
+        .env("IMPASTO_CACHE", "")
+        .output()
+        .expect("the binary starts")
+}
+
+#[test]
+fn styles_are_learned_through_an_installed_vgg19_with_an_encoder_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let options = BuiltinOptions {
+        photos: 4,
+        width: 40,
+        height: 32,
+        ..BuiltinOptions::default()
+    };
+    write_capture(&folder.join("scene"), &options).unwrap();
+    fs::create_dir(folder.join("paintings")).unwrap();
+    for seed in 0..3 {
+        let painting = paint(&Recipe::random(seed), 64, 64);
+        let path = folder.join(format!("paintings/{seed}.png"));
+        painting.save(path).unwrap();
+    }
+    let train = "train scene -o model --styles paintings --steps 10 --json --set style.generated=0 \
+                 --set style.patch=[16,20] --set style.perceptual=vgg19";
+    let missing = impasto(folder, train);
+    refused(
+        folder,
+        &missing,
+        &["not installed", "impasto weights --add"],
+    );
+
+    let mut tensors = random_vgg19(6, "", SEQUENTIAL);
+    let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    tensors.push(Saved::new("0.weight", &[3, 3, 1, 1], identity.into()));
+    tensors.push(Saved::new("0.bias", &[3], vec![0.0; 3]));
+    fs::write(folder.join("vgg.pth"), zip_form(&tensors, "x")).unwrap();
+    answer(&weights(folder, &["--add", "vgg.pth", "--json"]));
+    let output = impasto(folder, train);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        message.contains("train-encoder --perceptual vgg19"),
+        "{message}"
+    );
+    assert!(
+        !folder.join("model").exists(),
+        "said before anything is made"
+    );
+
+    let encoder = "train-encoder --styles paintings -o mine.safetensors --steps 2 --generated 4 \
+                   --perceptual vgg19 --json";
+    answer(&impasto(folder, encoder));
+    answer(&impasto(
+        folder,
+        &format!("{train} --encoder mine.safetensors"),
+    ));
+    let render = "render model --style paintings/0.png --views test -o sheet.png --json";
+    answer(&impasto(folder, render));
 }
 
 #[test]
