@@ -1,15 +1,17 @@
-//! `impasto eval`: how faithful a model's styles are.
+//! `impasto eval`: how faithful a model's styles are, and how well its frames agree.
 
 use std::path::PathBuf;
 
 use clap::Args;
-use impasto::eval::style_fidelity;
+use impasto::eval::{EvalOptions, Evaluation, MethodResult, evaluate};
+use impasto::scene::paths::orbit;
+use impasto::scene::{Camera, Split};
 use impasto::{Model, read_paintings};
 use serde_json::json;
 
-use super::{Answer, CliError, to_json};
+use super::{Answer, CliError, progress, to_json};
 
-/// Measure how well a model takes on paintings it never saw
+/// Measure how well a model takes on paintings it never saw, and how well its frames agree
 #[derive(Debug, Args)]
 pub struct EvalArgs {
     /// A model folder
@@ -17,7 +19,13 @@ pub struct EvalArgs {
     /// Folder of paintings, sub-folders included, best ones that the model was not trained on
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
+    /// Frames of the orbit on which consistency is measured; 0 leaves it out
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    frames: usize,
 }
+
+/// Longest side of the walk's frames.
+const LONGEST: u32 = 400;
 
 /// Runs the command.
 pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
@@ -26,30 +34,75 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         path: args.styles.clone(),
         source,
     })?;
-    let fidelity = style_fidelity(&model, &read.named)?;
+    let path = walk(&model, args.frames)?;
+    let options = EvalOptions {
+        paintings: &read.named,
+        path: &path,
+    };
+    let mut bar = progress::Frames::new(path.len());
+    let evaluation = evaluate(&model, &options, &mut |_| bar.tick())?;
+    drop(bar);
     let quality = model.file.quality;
     let mut text = format!(
-        "reconstruction: PSNR {:.2} dB, SSIM {:.3} over {} held-out views\n\
-         style: gain {:.3}, retrieval {:.1} % over {} paintings × {} views",
+        "reconstruction: PSNR {:.2} dB, SSIM {:.3} over {} held-out views\n{}",
         quality.psnr,
         quality.ssim,
         quality.views,
-        fidelity.style_gain,
-        fidelity.retrieval * 100.0,
-        fidelity.paintings.len(),
-        fidelity.views,
+        table(&evaluation),
     );
     if !read.unreadable.is_empty() {
         let count = read.unreadable.len();
         text += &format!("\n{count} files of the style folder are no readable pictures");
     }
-    Ok(Answer {
-        text,
-        json: json!({
-            "synthetic": model.file.scene.synthetic,
-            "unreadable": read.unreadable.iter().map(|(path, _)| path).collect::<Vec<_>>(),
-            "reconstruction": to_json(&quality),
-            "methods": { "impasto": to_json(&fidelity) },
-        }),
-    })
+    let mut json = to_json(&evaluation);
+    json["synthetic"] = json!(model.file.scene.synthetic);
+    json["unreadable"] = json!(read.unreadable.iter().map(|(p, _)| p).collect::<Vec<_>>());
+    json["reconstruction"] = to_json(&quality);
+    Ok(Answer { text, json })
+}
+
+/// Cameras around the scene, in small frames of the photos' shape.
+fn walk(model: &Model, frames: usize) -> Result<Vec<Camera>, CliError> {
+    let photos = &model.file.scene.photos;
+    let train: Vec<Camera> = photos
+        .iter()
+        .filter(|photo| photo.split == Split::Train)
+        .map(|photo| photo.camera)
+        .collect();
+    let Some(first) = train.first().filter(|_| frames > 0) else {
+        return Ok(Vec::new());
+    };
+    let (width, height) = (first.intrinsics.width, first.intrinsics.height);
+    let scale = (f64::from(LONGEST) / f64::from(width.max(height))).min(1.0);
+    let size = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    Ok(orbit(&train, frames, (size[0], size[1]))?)
+}
+
+fn table(evaluation: &Evaluation) -> String {
+    let mut lines = Vec::new();
+    for (name, result) in &evaluation.methods {
+        let MethodResult { fidelity, .. } = result;
+        let mut line = format!(
+            "{name}: style gain {:.3}, retrieval {:.1} %, content {:.2}, over {} paintings × {} views",
+            fidelity.style_gain,
+            fidelity.retrieval * 100.0,
+            fidelity.content_loss,
+            fidelity.paintings.len(),
+            fidelity.views,
+        );
+        if let (Some(short), Some(long), Some(sharpness)) =
+            (result.short, result.long, result.sharpness)
+        {
+            line += &format!(
+                "\n  consistency E×100 {:.3} short ({:.0} % of pixels), {:.3} long ({:.0} %), \
+                 sharpness {sharpness:.2}",
+                short.e100,
+                short.coverage * 100.0,
+                long.e100,
+                long.coverage * 100.0,
+            );
+        }
+        lines.push(line);
+    }
+    lines.join("\n")
 }

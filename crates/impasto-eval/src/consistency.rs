@@ -51,8 +51,8 @@ pub struct Consistency {
     /// Mean root of E.
     pub rmse: f64,
     /// Mean squared difference of VGG features (relu4_1, unweighted: not LPIPS) of a frame and the
-    /// warped other one, pixels that do not count being equal in both; absent where it was not
-    /// asked for.
+    /// warped other one, pixels that do not count being equal in both, over a few pairs; absent
+    /// where it was not asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vgg: Option<f64>,
     /// Mean share of pixels compared, of pairs that count.
@@ -62,6 +62,26 @@ pub struct Consistency {
     /// Pairs left out because too little of them can be compared.
     pub dropped: usize,
 }
+
+impl Consistency {
+    /// The mean over several walks along the same path.
+    pub fn mean(all: &[Self]) -> Self {
+        let mean = |get: fn(&Self) -> f64| all.iter().map(get).sum::<f64>() / all.len() as f64;
+        let Some(first) = all.first() else {
+            return Self::default();
+        };
+        Self {
+            e100: mean(|c| c.e100),
+            rmse: mean(|c| c.rmse),
+            vgg: first.vgg.map(|_| mean(|c| c.vgg.unwrap_or_default())),
+            ..*first
+        }
+    }
+}
+
+/// Pairs of a walk whose perceptual distance is measured: it costs hundreds of times what the
+/// others do.
+const PERCEPTUAL_PAIRS: usize = 4;
 
 /// The pairs of a walk at one range.
 #[derive(Debug, Clone)]
@@ -105,10 +125,13 @@ impl Pairs {
         frames: &[RgbImage],
         vgg: Option<&Perceptual>,
     ) -> Result<Consistency, StyleError> {
+        let every = self.kept.len().div_ceil(PERCEPTUAL_PAIRS).max(1);
         let errors = self
             .kept
             .par_iter()
-            .map(|([first, second], pair)| {
+            .enumerate()
+            .map(|(i, ([first, second], pair))| {
+                let vgg = vgg.filter(|_| i % every == 0);
                 let [a, b] = [first, second].map(|i| impasto_style::picture(&frames[*i]));
                 // A pair that counts has pixels.
                 let error = pair_error(pair, &a, &b).map_or(0.0, |e| e.square);
@@ -119,10 +142,11 @@ impl Pairs {
         let n = errors.len().max(1) as f64;
         let mean =
             |get: fn(&(f64, Option<f64>, f64)) -> f64| errors.iter().map(get).sum::<f64>() / n;
+        let distances: Vec<f64> = errors.iter().filter_map(|e| e.1).collect();
         Ok(Consistency {
             e100: 100.0 * mean(|e| e.0),
             rmse: mean(|e| e.0.sqrt()),
-            vgg: vgg.map(|_| mean(|e| e.1.unwrap_or_default())),
+            vgg: vgg.map(|_| distances.iter().sum::<f64>() / distances.len().max(1) as f64),
             coverage: mean(|e| e.2),
             pairs: errors.len(),
             dropped: self.dropped,

@@ -11,9 +11,8 @@
 
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
-use impasto_scene::Split;
-use impasto_style::{Perceptual, StyleError, picture};
-use impasto_train::{Look, Model, STYLE_SIDE, whole};
+use impasto_style::{Features, Perceptual, Statistics, StyleError, picture};
+use impasto_train::{STYLE_SIDE, whole};
 use serde::Serialize;
 
 /// One painting's results, mean over views.
@@ -31,7 +30,7 @@ pub struct PaintingResult {
     pub content_loss: f64,
 }
 
-/// Style fidelity of a model.
+/// Style fidelity of a method.
 #[derive(Debug, Clone, Serialize)]
 pub struct StyleFidelity {
     /// Mean style distance.
@@ -48,83 +47,76 @@ pub struct StyleFidelity {
     pub paintings: Vec<PaintingResult>,
 }
 
-/// Why an evaluation is impossible.
-#[derive(Debug, thiserror::Error)]
-pub enum EvalError {
-    /// The model has had no style stage.
-    #[error("this model has had no style stage: train it with --stage style first")]
-    Unstyled,
-    /// There is no view or no painting to compare.
-    #[error("there is nothing to evaluate: no held-out view or no painting")]
-    Nothing,
-    /// A picture or an asset is unusable.
-    #[error(transparent)]
-    Style(#[from] StyleError),
+/// What views are judged by: paintings, and the unstylised renders.
+pub(crate) struct Judge<'a> {
+    vgg: &'a Perceptual,
+    names: Vec<&'a str>,
+    targets: Vec<Statistics>,
+    /// Per view.
+    plain: Vec<Features>,
 }
 
-/// Measures how well a model paints its held-out views (or all, if none is held out) with the
-/// given named paintings.
-///
-/// # Errors
-/// If the model has no style stage, or there is nothing to compare.
-pub fn style_fidelity(
-    model: &Model,
-    paintings: &[(String, RgbImage)],
-) -> Result<StyleFidelity, EvalError> {
-    let vgg = Perceptual::vgg16()?;
-    let mut looks = vec![model.photo_look()];
-    let mut targets = Vec::with_capacity(paintings.len());
-    for (_, painting) in paintings {
-        let inspiration = model.inspiration(painting)?;
-        looks.push(model.look(&inspiration).ok_or(EvalError::Unstyled)?);
-        targets.push(whole(&vgg, painting, STYLE_SIDE)?);
+impl<'a> Judge<'a> {
+    pub(crate) fn new(
+        vgg: &'a Perceptual,
+        paintings: &'a [(String, RgbImage)],
+        plain: &[RgbImage],
+    ) -> Result<Self, StyleError> {
+        let targets = paintings.iter().map(|(_, p)| whole(vgg, p, STYLE_SIDE));
+        let plain = plain.iter().map(|view| features(vgg, view));
+        Ok(Self {
+            vgg,
+            names: paintings.iter().map(|(name, _)| name.as_str()).collect(),
+            targets: targets.collect::<Result<_, _>>()?,
+            plain: plain.collect::<Result<_, _>>()?,
+        })
     }
-    let photos = &model.file.scene.photos;
-    let mut views: Vec<_> = photos.iter().filter(|p| p.split == Split::Test).collect();
-    if views.is_empty() {
-        views = photos.iter().collect();
+
+    /// Judges `styled[painting][view]`.
+    pub(crate) fn judge(&self, styled: &[Vec<RgbImage>]) -> Result<StyleFidelity, StyleError> {
+        let paintings = self.names.iter().zip(styled).enumerate();
+        let paintings = paintings
+            .map(|(i, (name, views))| self.painting(i, name, views))
+            .collect::<Result<Vec<_>, StyleError>>()?;
+        let mean = |get: fn(&PaintingResult) -> f64| {
+            paintings.iter().map(get).sum::<f64>() / paintings.len().max(1) as f64
+        };
+        Ok(StyleFidelity {
+            style_loss: mean(|r| r.style_loss),
+            style_gain: mean(|r| r.style_gain),
+            retrieval: mean(|r| r.retrieved),
+            content_loss: mean(|r| r.content_loss),
+            views: self.plain.len(),
+            paintings,
+        })
     }
-    if views.is_empty() || paintings.is_empty() {
-        return Err(EvalError::Nothing);
-    }
-    let mut results: Vec<PaintingResult> = paintings
-        .iter()
-        .map(|(name, _)| PaintingResult::new(name))
-        .collect();
-    for photo in &views {
-        let looks: Vec<&Look> = looks.iter().collect();
-        let view = model.render(&photo.camera, &looks);
-        let plain = features(&vgg, &view.image(0))?;
-        for (i, (result, target)) in results.iter_mut().zip(&targets).enumerate() {
-            let painted = features(&vgg, &view.image(i + 1))?;
+
+    fn painting(
+        &self,
+        index: usize,
+        name: &str,
+        views: &[RgbImage],
+    ) -> Result<PaintingResult, StyleError> {
+        let mut result = PaintingResult::new(name);
+        let target = &self.targets[index];
+        for (view, plain) in views.iter().zip(&self.plain) {
+            let painted = features(self.vgg, view)?;
             let loss = painted.statistics.distance(target);
-            let mut others = targets.iter().enumerate().filter(|(j, _)| *j != i);
-            let nearest = others.all(|(_, other)| painted.statistics.distance(other) > loss);
+            let others = self.targets.iter().enumerate().filter(|(i, _)| *i != index);
+            let nearest = others
+                .map(|(_, other)| painted.statistics.distance(other))
+                .all(|other| other > loss);
             let content = painted.content.iter().zip(&plain.content);
+            let content = content.map(|(a, b)| f64::from((a - b).powi(2)));
+            let before = f64::from(plain.statistics.distance(target));
             result.style_loss += f64::from(loss);
-            result.style_gain +=
-                1.0 - f64::from(loss) / f64::from(plain.statistics.distance(target));
+            result.style_gain += 1.0 - f64::from(loss) / before;
             result.retrieved += f64::from(u8::from(nearest));
-            result.content_loss += content
-                .map(|(a, b)| f64::from((a - b).powi(2)))
-                .sum::<f64>()
-                / plain.content.len() as f64;
+            result.content_loss += content.sum::<f64>() / plain.content.len() as f64;
         }
+        result.divide(views.len().max(1) as f64);
+        Ok(result)
     }
-    results
-        .iter_mut()
-        .for_each(|r| r.divide(views.len() as f64));
-    let mean = |get: fn(&PaintingResult) -> f64| {
-        results.iter().map(get).sum::<f64>() / results.len() as f64
-    };
-    Ok(StyleFidelity {
-        style_loss: mean(|r| r.style_loss),
-        style_gain: mean(|r| r.style_gain),
-        retrieval: mean(|r| r.retrieved),
-        content_loss: mean(|r| r.content_loss),
-        views: views.len(),
-        paintings: results,
-    })
 }
 
 impl PaintingResult {
@@ -150,7 +142,7 @@ impl PaintingResult {
     }
 }
 
-fn features(vgg: &Perceptual, image: &RgbImage) -> Result<impasto_style::Features, StyleError> {
+fn features(vgg: &Perceptual, image: &RgbImage) -> Result<Features, StyleError> {
     let (width, height) = image.dimensions();
     let scale = f64::from(STYLE_SIDE) / f64::from(width.min(height));
     let size = |side: u32| (f64::from(side) * scale).round() as u32;

@@ -2,7 +2,12 @@
 //! walk agree.
 
 pub mod consistency;
+mod evaluate;
 mod fidelity;
 pub mod flow;
+mod sharpness;
+mod walk;
 
-pub use fidelity::{EvalError, PaintingResult, StyleFidelity, style_fidelity};
+pub use evaluate::{EvalError, EvalOptions, Evaluation, MethodResult, evaluate};
+pub use fidelity::{PaintingResult, StyleFidelity};
+pub use sharpness::gradient_energy;

@@ -1,0 +1,163 @@
+//! A whole evaluation: every method judged by its fidelity and by its consistency, each of which is
+//! worth nothing without the other.
+
+use crate::consistency::Consistency;
+use crate::fidelity::{Judge, StyleFidelity};
+use crate::sharpness::gradient_energy;
+use crate::walk::{Walk, walk};
+use image::RgbImage;
+use impasto_scene::{Camera, Split};
+use impasto_style::{Perceptual, StyleError};
+use impasto_train::{Look, Model};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// The stylised field's name among the methods.
+const OURS: &str = "impasto";
+/// The unstylised render's: the floor of every consistency.
+const PHOTO: &str = "photo";
+
+/// What to evaluate on.
+#[derive(Debug, Clone, Copy)]
+pub struct EvalOptions<'a> {
+    /// Paintings with their names, best ones that the model has not seen.
+    pub paintings: &'a [(String, RgbImage)],
+    /// Cameras of a walk for consistency, in scene space, of one size; none to leave it out.
+    pub path: &'a [Camera],
+}
+
+/// What a method came to, mean over paintings.
+#[derive(Debug, Clone, Serialize)]
+pub struct MethodResult {
+    /// How like the paintings.
+    #[serde(flatten)]
+    pub fidelity: StyleFidelity,
+    /// Agreement of neighbouring frames, by exact flow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub short: Option<Consistency>,
+    /// Agreement of frames seven apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub long: Option<Consistency>,
+    /// Gradient energy of the walk's frames, relative to the unstylised ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sharpness: Option<f64>,
+}
+
+/// Results by method.
+#[derive(Debug, Clone, Serialize)]
+pub struct Evaluation {
+    /// Every method.
+    pub methods: BTreeMap<String, MethodResult>,
+    /// Where flow comes from.
+    pub flow: &'static str,
+    /// Frames of the walk.
+    pub frames: usize,
+}
+
+/// Why an evaluation is impossible.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// The model has had no style stage.
+    #[error("this model has had no style stage: train it with --stage style first")]
+    Unstyled,
+    /// There is no view or no painting to compare.
+    #[error("there is nothing to evaluate: no held-out view or no painting")]
+    Nothing,
+    /// A picture or an asset is unusable.
+    #[error(transparent)]
+    Style(#[from] StyleError),
+}
+
+/// Measures how well a model paints its held-out views (or all, if none is held out) with the
+/// given paintings, and how well frames along a path agree. `tick` hears of rendered frames.
+///
+/// # Errors
+/// If the model has no style stage, or there is nothing to compare.
+pub fn evaluate(
+    model: &Model,
+    options: &EvalOptions<'_>,
+    tick: &mut dyn FnMut(usize),
+) -> Result<Evaluation, EvalError> {
+    let paintings = options.paintings;
+    let cameras = held_out(model);
+    if cameras.is_empty() || paintings.is_empty() {
+        return Err(EvalError::Nothing);
+    }
+    let vgg = Perceptual::vgg16()?;
+    let mut looks = vec![model.photo_look()];
+    for (_, painting) in paintings {
+        let inspiration = model.inspiration(painting)?;
+        looks.push(model.look(&inspiration).ok_or(EvalError::Unstyled)?);
+    }
+    let looks: Vec<&Look> = looks.iter().collect();
+    let mut views = vec![Vec::with_capacity(cameras.len()); looks.len()];
+    for camera in &cameras {
+        let view = model.render(camera, &looks);
+        for (look, views) in views.iter_mut().enumerate() {
+            views.push(view.image(look));
+        }
+    }
+    let plain = views.remove(0);
+    let judge = Judge::new(&vgg, paintings, &plain)?;
+    let fidelity = judge.judge(&views)?;
+    let unstyled = judge.judge(&vec![plain; paintings.len()])?;
+    let (walk, mut frames) = walk(model, options.path, &looks, tick);
+    let plain = vec![frames.remove(0)];
+    let mut methods = BTreeMap::new();
+    for (name, fidelity, frames) in [(OURS, fidelity, &frames), (PHOTO, unstyled, &plain)] {
+        let result = method(&vgg, &walk, fidelity, (frames, &plain[0]))?;
+        methods.insert(name.to_owned(), result);
+    }
+    Ok(Evaluation {
+        methods,
+        flow: "exact, from rendered depth and poses",
+        frames: options.path.len(),
+    })
+}
+
+/// Cameras of the held-out photos, or of all if there are none.
+fn held_out(model: &Model) -> Vec<Camera> {
+    let photos = &model.file.scene.photos;
+    let test: Vec<Camera> = photos
+        .iter()
+        .filter(|photo| photo.split == Split::Test)
+        .map(|photo| photo.camera)
+        .collect();
+    match test.is_empty() {
+        true => photos.iter().map(|photo| photo.camera).collect(),
+        false => test,
+    }
+}
+
+/// What a method's frames, painting by painting, come to beside the unstylised ones.
+fn method(
+    vgg: &Perceptual,
+    walk: &Walk,
+    fidelity: StyleFidelity,
+    (frames, plain): (&[Vec<RgbImage>], &[RgbImage]),
+) -> Result<MethodResult, EvalError> {
+    if plain.is_empty() {
+        return Ok(MethodResult {
+            fidelity,
+            short: None,
+            long: None,
+            sharpness: None,
+        });
+    }
+    let of_range = |range: usize| {
+        let results = frames
+            .iter()
+            .map(|frames| walk.pairs[range].consistency(frames, Some(vgg)))
+            .collect::<Result<Vec<_>, StyleError>>()?;
+        Ok::<_, StyleError>(Consistency::mean(&results))
+    };
+    let energy = |frames: &[RgbImage]| frames.iter().map(gradient_energy).sum::<f64>();
+    let painted: f64 = frames.iter().map(|frames| energy(frames)).sum();
+    let floor = energy(plain) * frames.len() as f64;
+    Ok(MethodResult {
+        fidelity,
+        short: Some(of_range(0)?),
+        long: Some(of_range(1)?),
+        sharpness: Some(painted / floor.max(f64::MIN_POSITIVE)),
+    })
+}
