@@ -14,33 +14,39 @@ pub const LEAST_COVERAGE: f64 = 0.2;
 /// How much two frames differ where both show the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairError {
-    /// Mean over compared pixels and channels of the squared difference: E.
+    /// Mean over compared pixels and channels of the squared difference: E. Zero if there are none.
     pub square: f64,
-    /// Mean over compared channels of the difference's absolute value.
-    pub absolute: f64,
+    /// The same over all pixels that have a flow.
+    pub square_all: f64,
+    /// Share of pixels compared.
+    pub coverage: f64,
 }
 
-/// E of two frames, `height × width × 3` in `[0, 1]`; `None` if nothing can be compared.
+/// E of two frames, `height × width × 3` in `[0, 1]`.
 ///
 /// # Panics
 /// If the frames do not have the correspondence's size.
-pub fn pair_error(pair: &Correspondence, first: &[f32], second: &[f32]) -> Option<PairError> {
+pub fn pair_error(pair: &Correspondence, first: &[f32], second: &[f32]) -> PairError {
     let warped = pair.warped(second);
     assert_eq!(first.len(), warped.len(), "two frames of a pair");
-    let (mut square, mut absolute, mut count) = (0.0, 0.0, 0usize);
+    // Sum of squares and number of pixels, of those that count and of all with a flow.
+    let (mut sums, mut counts) = ([0.0f64; 2], [0u32; 2]);
     let pixels = first.chunks_exact(3).zip(warped.chunks_exact(3));
-    for ((a, b), _) in pixels.zip(&pair.mask).filter(|(_, mask)| **mask) {
-        for (a, b) in a.iter().zip(b) {
-            let difference = f64::from(a - b);
-            square += difference * difference;
-            absolute += difference.abs();
+    let known = pair.mask.iter().zip(&pair.flow.vectors);
+    for ((a, b), (counts_too, vector)) in pixels.zip(known) {
+        let squares = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2));
+        let square: f64 = squares.sum();
+        for (i, used) in [*counts_too, vector.is_some()].into_iter().enumerate() {
+            sums[i] += if used { square } else { 0.0 };
+            counts[i] += u32::from(used);
         }
-        count += 3;
     }
-    (count > 0).then(|| PairError {
-        square: square / count as f64,
-        absolute: absolute / count as f64,
-    })
+    let mean = |i: usize| sums[i] / (3.0 * f64::from(counts[i].max(1)));
+    PairError {
+        square: mean(0),
+        square_all: mean(1),
+        coverage: pair.coverage(),
+    }
 }
 
 /// Consistency over all pairs of one range.
@@ -50,6 +56,8 @@ pub struct Consistency {
     pub e100: f64,
     /// Mean root of E.
     pub rmse: f64,
+    /// The same over all pixels that have a flow, occluded or not, as later papers report it.
+    pub rmse_all: f64,
     /// Mean squared difference of VGG features (relu4_1, unweighted: not LPIPS) of a frame and the
     /// warped other one, pixels that do not count being equal in both, over a few pairs; absent
     /// where it was not asked for.
@@ -73,6 +81,7 @@ impl Consistency {
         Self {
             e100: mean(|c| c.e100),
             rmse: mean(|c| c.rmse),
+            rmse_all: mean(|c| c.rmse_all),
             vgg: first.vgg.map(|_| mean(|c| c.vgg.unwrap_or_default())),
             ..*first
         }
@@ -133,21 +142,20 @@ impl Pairs {
             .map(|(i, ([first, second], pair))| {
                 let vgg = vgg.filter(|_| i % every == 0);
                 let [a, b] = [first, second].map(|i| impasto_style::picture(&frames[*i]));
-                // A pair that counts has pixels.
-                let error = pair_error(pair, &a, &b).map_or(0.0, |e| e.square);
+                let error = pair_error(pair, &a, &b);
                 let perceptual = vgg.map(|vgg| perceptual(pair, vgg, a, &b)).transpose()?;
-                Ok((error, perceptual, pair.coverage()))
+                Ok((error, perceptual))
             })
             .collect::<Result<Vec<_>, StyleError>>()?;
         let n = errors.len().max(1) as f64;
-        let mean =
-            |get: fn(&(f64, Option<f64>, f64)) -> f64| errors.iter().map(get).sum::<f64>() / n;
-        let distances: Vec<f64> = errors.iter().filter_map(|e| e.1).collect();
+        let mean = |get: fn(&PairError) -> f64| errors.iter().map(|(e, _)| get(e)).sum::<f64>() / n;
+        let distances: Vec<f64> = errors.iter().filter_map(|(_, vgg)| *vgg).collect();
         Ok(Consistency {
-            e100: 100.0 * mean(|e| e.0),
-            rmse: mean(|e| e.0.sqrt()),
+            e100: 100.0 * mean(|e| e.square),
+            rmse: mean(|e| e.square.sqrt()),
+            rmse_all: mean(|e| e.square_all.sqrt()),
             vgg: vgg.map(|_| distances.iter().sum::<f64>() / distances.len().max(1) as f64),
-            coverage: mean(|e| e.2),
+            coverage: mean(|e| e.coverage),
             pairs: errors.len(),
             dropped: self.dropped,
         })

@@ -1,7 +1,7 @@
 //! A whole evaluation: every method judged by its fidelity and by its consistency, each of which is
 //! worth nothing without the other.
 
-use crate::consistency::Consistency;
+use crate::consistency::{Consistency, Pairs};
 use crate::fidelity::{Judge, StyleFidelity};
 use crate::sharpness::gradient_energy;
 use crate::walk::{Walk, walk};
@@ -38,9 +38,22 @@ pub struct MethodResult {
     /// Agreement of frames seven apart.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub long: Option<Consistency>,
+    /// The same as papers without geometry measure it (Lai et al. 2018): by flow estimated from the
+    /// unstylised frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimated_flow: Option<Legacy>,
     /// Gradient energy of the walk's frames, relative to the unstylised ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharpness: Option<f64>,
+}
+
+/// Consistency by estimated flow.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Legacy {
+    /// Neighbouring frames.
+    pub short: Consistency,
+    /// Frames seven apart.
+    pub long: Consistency,
 }
 
 /// Results by method.
@@ -141,13 +154,14 @@ fn method(
             fidelity,
             short: None,
             long: None,
+            estimated_flow: None,
             sharpness: None,
         });
     }
-    let of_range = |range: usize| {
+    let over = |pairs: &Pairs, vgg: Option<&Perceptual>| {
         let results = frames
             .iter()
-            .map(|frames| walk.pairs[range].consistency(frames, Some(vgg)))
+            .map(|frames| pairs.consistency(frames, vgg))
             .collect::<Result<Vec<_>, StyleError>>()?;
         Ok::<_, StyleError>(Consistency::mean(&results))
     };
@@ -156,8 +170,12 @@ fn method(
     let floor = energy(plain) * frames.len() as f64;
     Ok(MethodResult {
         fidelity,
-        short: Some(of_range(0)?),
-        long: Some(of_range(1)?),
+        short: Some(over(&walk.exact[0], Some(vgg))?),
+        long: Some(over(&walk.exact[1], Some(vgg))?),
+        estimated_flow: Some(Legacy {
+            short: over(&walk.estimated[0], None)?,
+            long: over(&walk.estimated[1], None)?,
+        }),
         sharpness: Some(painted / floor.max(f64::MIN_POSITIVE)),
     })
 }

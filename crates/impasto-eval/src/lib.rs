@@ -2,6 +2,7 @@
 //! walk agree.
 
 pub mod consistency;
+pub mod estimate;
 mod evaluate;
 mod fidelity;
 pub mod flow;

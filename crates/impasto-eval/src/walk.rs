@@ -1,17 +1,22 @@
 //! A walk through a scene: frames along a path, and which of their pixels show the same.
 
 use crate::consistency::{Pairs, RANGES};
+use crate::estimate::estimated;
 use crate::flow::{Correspondence, Geometry};
 use image::RgbImage;
 use impasto_scene::Camera;
 use impasto_train::{Look, Model};
 
-/// A walk's correspondences, at short and at long range.
+/// A walk's correspondences, each at short and at long range.
 pub(crate) struct Walk {
-    pub(crate) pairs: [Pairs; 2],
+    /// By the model's depth and poses.
+    pub(crate) exact: [Pairs; 2],
+    /// By flow estimated from the frames of the first look.
+    pub(crate) estimated: [Pairs; 2],
 }
 
-/// Renders a walk with every look; geometry is computed once. Frames come look by look. `tick`
+/// Renders a walk with every look, of which the first is the unstylised one; geometry is computed
+/// once. Frames come look by look. `tick`
 /// hears of every finished frame.
 pub(crate) fn walk(
     model: &Model,
@@ -33,10 +38,18 @@ pub(crate) fn walk(
         camera: &path[i],
         depth: &depths[i],
     };
-    let pairs = RANGES.map(|range| {
+    let exact = RANGES.map(|range| {
         Pairs::new(path.len(), range, |first, second| {
             Correspondence::exact(&geometry(first), &geometry(second))
         })
     });
-    (Walk { pairs }, frames)
+    let plain = &frames[0];
+    let estimated = RANGES.map(|range| {
+        Pairs::new(path.len(), range, |first, second| {
+            let [there, back] = [[first, second], [second, first]]
+                .map(|[from, to]| estimated(&plain[from], &plain[to]));
+            Correspondence::of_flows(there, &back)
+        })
+    });
+    (Walk { exact, estimated }, frames)
 }
