@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use impasto::eval::methods::{Stylizer, Wct};
 use impasto::eval::{EvalOptions, Evaluation, MethodResult, evaluate};
 use impasto::scene::paths::orbit;
 use impasto::scene::{Camera, Split};
@@ -19,9 +20,21 @@ pub struct EvalArgs {
     /// Folder of paintings, sub-folders included, best ones that the model was not trained on
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
+    /// Methods to compare with: wct
+    #[arg(long, value_name = "METHODS", value_delimiter = ',', value_enum)]
+    against: Vec<Against>,
+    /// Networks of wct, distilled to a 16th, as a safetensors file
+    #[arg(long, value_name = "FILE", required_if_eq("against", "wct"))]
+    wct_weights: Option<PathBuf>,
     /// Frames of the orbit on which consistency is measured; 0 leaves it out
     #[arg(long, value_name = "N", default_value_t = 60)]
     frames: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Against {
+    /// Whitening and colouring at four levels, frame by frame, and as a video
+    Wct,
 }
 
 /// Longest side of the walk's frames.
@@ -35,9 +48,15 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         source,
     })?;
     let path = walk(&model, args.frames)?;
+    let wct = match (&args.wct_weights, args.against.contains(&Against::Wct)) {
+        (Some(file), true) => Some(Wct::open(file)?),
+        _ => None,
+    };
+    let against: Vec<&dyn Stylizer> = wct.iter().map(|wct| wct as &dyn Stylizer).collect();
     let options = EvalOptions {
         paintings: &read.named,
         path: &path,
+        against: &against,
     };
     let mut bar = progress::Frames::new(path.len());
     let evaluation = evaluate(&model, &options, &mut |_| bar.tick())?;

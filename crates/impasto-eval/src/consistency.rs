@@ -122,6 +122,11 @@ impl Pairs {
         }
     }
 
+    /// How frames `(t, t − range)` correspond, of pairs that count.
+    pub(crate) fn links(&self) -> impl Iterator<Item = ([usize; 2], &Correspondence)> {
+        self.kept.iter().map(|(frames, pair)| (*frames, pair))
+    }
+
     /// Consistency of frames, with the perceptual distance if there is a network for it.
     ///
     /// # Errors

@@ -3,12 +3,14 @@
 
 use crate::consistency::{Consistency, Pairs};
 use crate::fidelity::{Judge, StyleFidelity};
+use crate::methods::{Stylizer, UNAVAILABLE};
 use crate::sharpness::gradient_energy;
 use crate::walk::{Walk, walk};
 use image::RgbImage;
 use impasto_scene::{Camera, Split};
 use impasto_style::{Perceptual, StyleError};
 use impasto_train::{Look, Model};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -18,12 +20,14 @@ const OURS: &str = "impasto";
 const PHOTO: &str = "photo";
 
 /// What to evaluate on.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub struct EvalOptions<'a> {
     /// Paintings with their names, best ones that the model has not seen.
     pub paintings: &'a [(String, RgbImage)],
     /// Cameras of a walk for consistency, in scene space, of one size; none to leave it out.
     pub path: &'a [Camera],
+    /// Two-dimensional methods to compare with, each also as a video.
+    pub against: &'a [&'a dyn Stylizer],
 }
 
 /// What a method came to, mean over paintings.
@@ -61,6 +65,8 @@ pub struct Legacy {
 pub struct Evaluation {
     /// Every method.
     pub methods: BTreeMap<String, MethodResult>,
+    /// Methods of the paper's tables that cannot be compared, and why.
+    pub unavailable: BTreeMap<&'static str, &'static str>,
     /// Where flow comes from.
     pub flow: &'static str,
     /// Frames of the walk.
@@ -113,19 +119,45 @@ pub fn evaluate(
     let plain = views.remove(0);
     let judge = Judge::new(&vgg, paintings, &plain)?;
     let fidelity = judge.judge(&views)?;
-    let unstyled = judge.judge(&vec![plain; paintings.len()])?;
+    let unstyled = judge.judge(&vec![plain.clone(); paintings.len()])?;
     let (walk, mut frames) = walk(model, options.path, &looks, tick);
-    let plain = vec![frames.remove(0)];
+    let plain_walk = vec![frames.remove(0)];
     let mut methods = BTreeMap::new();
-    for (name, fidelity, frames) in [(OURS, fidelity, &frames), (PHOTO, unstyled, &plain)] {
-        let result = method(&vgg, &walk, fidelity, (frames, &plain[0]))?;
+    for (name, fidelity, frames) in [(OURS, fidelity, &frames), (PHOTO, unstyled, &plain_walk)] {
+        let result = method(&vgg, &walk, fidelity, (frames, &plain_walk[0]))?;
         methods.insert(name.to_owned(), result);
+    }
+    for stylizer in options.against {
+        let painted = |frames: &[RgbImage]| repaint(*stylizer, paintings, frames);
+        let fidelity = judge.judge(&painted(&plain))?;
+        let frames = painted(&plain_walk[0]);
+        let videos: Vec<_> = frames.iter().map(|f| walk.video(f)).collect();
+        let name = stylizer.name();
+        let result = method(&vgg, &walk, fidelity.clone(), (&frames, &plain_walk[0]))?;
+        methods.insert(name.to_owned(), result);
+        // A first frame is a single picture: as a video, the views are painted alike.
+        let result = method(&vgg, &walk, fidelity, (&videos, &plain_walk[0]))?;
+        methods.insert(format!("{name}_temporal"), result);
     }
     Ok(Evaluation {
         methods,
+        unavailable: UNAVAILABLE.into_iter().collect(),
         flow: "exact, from rendered depth and poses",
         frames: options.path.len(),
     })
+}
+
+/// Frames in the style of every painting.
+fn repaint(
+    stylizer: &dyn Stylizer,
+    paintings: &[(String, RgbImage)],
+    frames: &[RgbImage],
+) -> Vec<Vec<RgbImage>> {
+    let painted = paintings.iter().map(|(_, painting)| {
+        let brush = stylizer.brush(painting);
+        frames.par_iter().map(&brush).collect()
+    });
+    painted.collect()
 }
 
 /// Cameras of the held-out photos, or of all if there are none.

@@ -6,6 +6,7 @@ pub mod estimate;
 mod evaluate;
 mod fidelity;
 pub mod flow;
+pub mod methods;
 mod sharpness;
 mod walk;
 

@@ -3,6 +3,7 @@
 use crate::consistency::{Pairs, RANGES};
 use crate::estimate::estimated;
 use crate::flow::{Correspondence, Geometry};
+use crate::methods::temporal;
 use image::RgbImage;
 use impasto_scene::Camera;
 use impasto_train::{Look, Model};
@@ -13,6 +14,18 @@ pub(crate) struct Walk {
     pub(crate) exact: [Pairs; 2],
     /// By flow estimated from the frames of the first look.
     pub(crate) estimated: [Pairs; 2],
+}
+
+impl Walk {
+    /// Frames that were stylised one by one, as a video: by estimated flow, because a method of
+    /// pictures knows no geometry.
+    pub(crate) fn video(&self, frames: &[RgbImage]) -> Vec<RgbImage> {
+        let mut links = vec![None; frames.len()];
+        for ([t, _], link) in self.estimated[0].links() {
+            links[t] = Some(link);
+        }
+        temporal(frames, &links)
+    }
 }
 
 /// Renders a walk with every look, of which the first is the unstylised one; geometry is computed

@@ -13,10 +13,10 @@ pub mod ops;
 
 pub use cpu::adam::AdamStep;
 pub use cpu::composite::{CompositeLayout, RaySpan};
+pub use cpu::conv_chain::{ConvChain, FeatureMap, Resample};
+pub use cpu::convolution::ConvLayer;
 pub use cpu::density_grid::DensityGrid;
 pub use cpu::hash_grid::HashGridSpec;
 pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
-
-pub use cpu::convolution::ConvLayer;
 pub use cpu::perceptual::{Border, OddEnd, PerceptualStack};
 pub use cpu::radiance::{Density, RadianceSpec, Volume, VolumeSpec};

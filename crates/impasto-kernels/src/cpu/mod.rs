@@ -2,11 +2,11 @@
 
 pub mod adam;
 pub mod composite;
+pub mod conv_chain;
 pub mod convolution;
 pub mod density_grid;
 pub mod hash_grid;
 pub mod mlp;
-
 pub mod perceptual;
 pub mod radiance;
 
