@@ -50,7 +50,8 @@ for variant in "${variants[@]}"; do
         read -ra arguments <<< "${settings:-}"
         "$impasto" train "$capture" -o "$model" "${common[@]}" --stage style --steps "$steps" \
             "${arguments[@]}" 2> "$model.log"
-        "$impasto" eval "$model" --styles "$others" --frames 0 --json > "$model.json" 2>> "$model.log"
+        "$impasto" eval "$model" --styles "$others" --frames 0 --json > "$model.part" 2>> "$model.log"
+        mv "$model.part" "$model.json"
         rm -r "$model"
     fi
     python3 - "$name" "$model.json" <<'PYTHON'

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use impasto::eval::consistency::Consistency;
 use impasto::eval::methods::{Stylizer, Wct};
 use impasto::eval::{EvalOptions, Evaluation, MethodResult, evaluate};
 use impasto::scene::paths::orbit;
@@ -58,8 +59,8 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         path: &path,
         against: &against,
     };
-    let mut bar = progress::Frames::new(path.len());
-    let evaluation = evaluate(&model, &options, &mut |_| bar.tick())?;
+    let mut bar = progress::Frames::new(options.frames());
+    let evaluation = evaluate(&model, &options, &mut || bar.tick())?;
     drop(bar);
     let quality = model.file.quality;
     let mut text = format!(
@@ -82,12 +83,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
 
 /// Cameras around the scene, in small frames of the photos' shape.
 fn walk(model: &Model, frames: usize) -> Result<Vec<Camera>, CliError> {
-    let photos = &model.file.scene.photos;
-    let train: Vec<Camera> = photos
-        .iter()
-        .filter(|photo| photo.split == Split::Train)
-        .map(|photo| photo.camera)
-        .collect();
+    let train = model.file.scene.cameras(Split::Train);
     let Some(first) = train.first().filter(|_| frames > 0) else {
         return Ok(Vec::new());
     };
@@ -113,15 +109,24 @@ fn table(evaluation: &Evaluation) -> String {
             (result.short, result.long, result.sharpness)
         {
             line += &format!(
-                "\n  consistency E×100 {:.3} short ({:.0} % of pixels), {:.3} long ({:.0} %), \
-                 sharpness {sharpness:.2}",
-                short.e100,
-                short.coverage * 100.0,
-                long.e100,
-                long.coverage * 100.0,
+                "\n  consistency E×100 {} short, {} long, sharpness {sharpness:.2}",
+                agreement(&short),
+                agreement(&long),
             );
         }
         lines.push(line);
     }
     lines.join("\n")
+}
+
+/// E × 100 and what it was measured on.
+fn agreement(found: &Consistency) -> String {
+    if found.pairs == 0 {
+        return "– (no pair shares enough)".into();
+    }
+    format!(
+        "{:.3} ({:.0} % of pixels)",
+        found.e100,
+        found.coverage * 100.0
+    )
 }

@@ -48,6 +48,11 @@ pub struct TrainEncoderArgs {
     /// The network that measures paintings; vgg19 has to be installed, see `impasto weights`
     #[arg(long, value_enum, default_value = "vgg16")]
     perceptual: PerceptualArg,
+    /// Pixels a side of the squares that paintings are measured on: what the model's
+    /// style.pictures.side will be
+    #[arg(long, value_name = "PIXELS", default_value_t = EncoderOptions::SIDE,
+          value_parser = clap::value_parser!(u32).range(16..=1024))]
+    side: u32,
     /// Start of the random numbers; the same seed and pictures give the same encoder
     #[arg(long, default_value_t = EncoderOptions::SEED)]
     seed: u64,
@@ -73,7 +78,7 @@ enum PerceptualArg {
 /// Runs the command.
 pub fn run(args: &TrainEncoderArgs) -> Result<Answer, CliError> {
     match (&args.check, &args.styles, &args.output, &args.heldout) {
-        (Some(file), _, _, Some(heldout)) => check(file.as_deref(), heldout),
+        (Some(file), _, _, Some(heldout)) => check(file.as_deref(), (heldout, args.side)),
         (None, Some(styles), Some(output), _) => trained(args, styles, output),
         // The command line's own rules leave nothing else.
         _ => Err(CliError::Usage(
@@ -82,7 +87,7 @@ pub fn run(args: &TrainEncoderArgs) -> Result<Answer, CliError> {
     }
 }
 
-fn check(file: Option<&Path>, heldout: &Path) -> Result<Answer, CliError> {
+fn check(file: Option<&Path>, heldout: (&Path, u32)) -> Result<Answer, CliError> {
     let vae = match file {
         Some(file) => read_encoder(file)?,
         None => StyleVae::shipped()?,
@@ -116,6 +121,7 @@ fn trained(args: &TrainEncoderArgs, styles: &Path, output: &Path) -> Result<Answ
             Layers::All => StyleInput::All,
             Layers::Relu4_1 => StyleInput::Relu4_1,
         },
+        side: args.side,
         seed: args.seed,
         cache: cache_folder(),
     };

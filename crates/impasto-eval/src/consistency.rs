@@ -49,7 +49,7 @@ pub fn pair_error(pair: &Correspondence, first: &[f32], second: &[f32]) -> PairE
     }
 }
 
-/// Consistency over all pairs of one range.
+/// Consistency over all pairs of one range; NaN (`null` in JSON) where no pair counts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Consistency {
     /// Mean E × 100.
@@ -152,14 +152,15 @@ impl Pairs {
                 Ok((error, perceptual))
             })
             .collect::<Result<Vec<_>, StyleError>>()?;
-        let n = errors.len().max(1) as f64;
+        // Of no pair there is no mean, which is no agreement either.
+        let n = errors.len() as f64;
         let mean = |get: fn(&PairError) -> f64| errors.iter().map(|(e, _)| get(e)).sum::<f64>() / n;
         let distances: Vec<f64> = errors.iter().filter_map(|(_, vgg)| *vgg).collect();
         Ok(Consistency {
             e100: 100.0 * mean(|e| e.square),
             rmse: mean(|e| e.square.sqrt()),
             rmse_all: mean(|e| e.square_all.sqrt()),
-            vgg: vgg.map(|_| distances.iter().sum::<f64>() / distances.len().max(1) as f64),
+            vgg: vgg.map(|_| distances.iter().sum::<f64>() / distances.len() as f64),
             coverage: mean(|e| e.coverage),
             pairs: errors.len(),
             dropped: self.dropped,
@@ -245,7 +246,7 @@ mod tests {
         let pairs = pairs(9, 7, 0.25);
         let found = pairs.consistency(&frames(9, 0.25, 0), None).unwrap();
         assert_eq!((found.pairs, found.dropped), (0, 2));
-        assert_eq!(found.e100, 0.0);
+        assert!(found.e100.is_nan(), "nothing compared is not agreement");
     }
 
     #[test]

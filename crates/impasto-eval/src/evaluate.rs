@@ -1,11 +1,10 @@
 //! A whole evaluation: every method judged by its fidelity and by its consistency, each of which is
 //! worth nothing without the other.
 
-use crate::consistency::{Consistency, Pairs};
-use crate::fidelity::{Judge, StyleFidelity};
+use crate::consistency::Consistency;
+use crate::fidelity::{Judge, PaintingResult, StyleFidelity};
 use crate::methods::{Stylizer, UNAVAILABLE};
-use crate::sharpness::gradient_energy;
-use crate::walk::{Walk, walk};
+use crate::walk::{Walk, Walked, views};
 use image::RgbImage;
 use impasto_scene::{Camera, Split};
 use impasto_style::{Perceptual, StyleError};
@@ -87,127 +86,118 @@ pub enum EvalError {
     Style(#[from] StyleError),
 }
 
+/// Paintings rendered together: geometry is computed once for them, and their frames are all in
+/// memory.
+const GROUP: usize = 8;
+
 /// Measures how well a model paints its held-out views (or all, if none is held out) with the
-/// given paintings, and how well frames along a path agree. `tick` hears of rendered frames.
+/// given paintings, and how well frames along a path agree; and the same of other methods on the
+/// unstylised renders. `tick` hears of every frame rendered, see [`EvalOptions::frames`].
 ///
 /// # Errors
 /// If the model has no style stage, or there is nothing to compare.
 pub fn evaluate(
     model: &Model,
     options: &EvalOptions<'_>,
-    tick: &mut dyn FnMut(usize),
+    tick: &mut dyn FnMut(),
 ) -> Result<Evaluation, EvalError> {
-    let paintings = options.paintings;
+    let EvalOptions {
+        paintings,
+        path,
+        against,
+    } = *options;
     let cameras = held_out(model);
     if cameras.is_empty() || paintings.is_empty() {
         return Err(EvalError::Nothing);
     }
     let vgg = Perceptual::vgg16()?;
-    let mut looks = vec![model.photo_look()];
-    for (_, painting) in paintings {
-        let inspiration = model.inspiration(painting)?;
-        looks.push(model.look(&inspiration).ok_or(EvalError::Unstyled)?);
-    }
-    let looks: Vec<&Look> = looks.iter().collect();
-    let mut views = vec![Vec::with_capacity(cameras.len()); looks.len()];
-    for camera in &cameras {
-        let view = model.render(camera, &looks);
-        for (look, views) in views.iter_mut().enumerate() {
-            views.push(view.image(look));
+    let plain = views(model, &cameras, &[&model.photo_look()], &mut || {}).remove(0);
+    let judge = Judge::new(&vgg, paintings, &plain)?;
+    let walk = Walk::new(model, path, tick);
+    let mut methods = BTreeMap::new();
+
+    let unstyled = walk.measure(&walk.frames, &vgg)?;
+    let photo = (0..paintings.len()).map(|i| (judge.unstyled(i), unstyled));
+    methods.insert(PHOTO.to_owned(), MethodResult::of(photo.collect(), &plain));
+
+    let mut ours = Vec::with_capacity(paintings.len());
+    for group in paintings.chunks(GROUP) {
+        let looks = group.iter().map(|(_, painting)| {
+            let inspiration = model.inspiration(painting)?;
+            model.look(&inspiration).ok_or(EvalError::Unstyled)
+        });
+        let looks: Vec<Look> = looks.collect::<Result<_, _>>()?;
+        let looks: Vec<&Look> = looks.iter().collect();
+        let painted = views(model, &cameras, &looks, &mut || {});
+        let walked = views(model, path, &looks, tick);
+        for (painted, walked) in painted.iter().zip(&walked) {
+            let fidelity = judge.painting(ours.len(), painted)?;
+            ours.push((fidelity, walk.measure(walked, &vgg)?));
         }
     }
-    let plain = views.remove(0);
-    let judge = Judge::new(&vgg, paintings, &plain)?;
-    let fidelity = judge.judge(&views)?;
-    let unstyled = judge.judge(&vec![plain.clone(); paintings.len()])?;
-    let (walk, mut frames) = walk(model, options.path, &looks, tick);
-    let plain_walk = vec![frames.remove(0)];
-    let mut methods = BTreeMap::new();
-    for (name, fidelity, frames) in [(OURS, fidelity, &frames), (PHOTO, unstyled, &plain_walk)] {
-        let result = method(&vgg, &walk, fidelity, (frames, &plain_walk[0]))?;
-        methods.insert(name.to_owned(), result);
-    }
-    for stylizer in options.against {
-        let painted = |frames: &[RgbImage]| repaint(*stylizer, paintings, frames);
-        let fidelity = judge.judge(&painted(&plain))?;
-        let frames = painted(&plain_walk[0]);
-        let videos: Vec<_> = frames.iter().map(|f| walk.video(f)).collect();
+    methods.insert(OURS.to_owned(), MethodResult::of(ours, &plain));
+
+    for stylizer in against {
+        let (mut pictures, mut videos) = (Vec::new(), Vec::new());
+        for (i, (_, painting)) in paintings.iter().enumerate() {
+            let brush = stylizer.brush(painting);
+            let paint = |frames: &[RgbImage]| frames.par_iter().map(&brush).collect::<Vec<_>>();
+            let fidelity = judge.painting(i, &paint(&plain))?;
+            let frames = paint(&walk.frames);
+            // A first frame is a single picture: as a video, the views are painted alike.
+            let video = walk.measure(&walk.video(&frames), &vgg)?;
+            videos.push((fidelity.clone(), video));
+            pictures.push((fidelity, walk.measure(&frames, &vgg)?));
+        }
         let name = stylizer.name();
-        let result = method(&vgg, &walk, fidelity.clone(), (&frames, &plain_walk[0]))?;
-        methods.insert(name.to_owned(), result);
-        // A first frame is a single picture: as a video, the views are painted alike.
-        let result = method(&vgg, &walk, fidelity, (&videos, &plain_walk[0]))?;
-        methods.insert(format!("{name}_temporal"), result);
+        methods.insert(name.to_owned(), MethodResult::of(pictures, &plain));
+        methods.insert(format!("{name}_temporal"), MethodResult::of(videos, &plain));
     }
     Ok(Evaluation {
         methods,
         unavailable: UNAVAILABLE.into_iter().collect(),
         flow: "exact, from rendered depth and poses",
-        frames: options.path.len(),
+        frames: path.len(),
     })
 }
 
-/// Frames in the style of every painting.
-fn repaint(
-    stylizer: &dyn Stylizer,
-    paintings: &[(String, RgbImage)],
-    frames: &[RgbImage],
-) -> Vec<Vec<RgbImage>> {
-    let painted = paintings.iter().map(|(_, painting)| {
-        let brush = stylizer.brush(painting);
-        frames.par_iter().map(&brush).collect()
-    });
-    painted.collect()
+impl EvalOptions<'_> {
+    /// Frames of the walk that [`evaluate`] renders, one by one: unstylised, then with every group
+    /// of paintings.
+    pub fn frames(&self) -> usize {
+        self.path.len() * (1 + self.paintings.len().div_ceil(GROUP))
+    }
 }
 
 /// Cameras of the held-out photos, or of all if there are none.
 fn held_out(model: &Model) -> Vec<Camera> {
-    let photos = &model.file.scene.photos;
-    let test: Vec<Camera> = photos
-        .iter()
-        .filter(|photo| photo.split == Split::Test)
-        .map(|photo| photo.camera)
-        .collect();
+    let scene = &model.file.scene;
+    let test = scene.cameras(Split::Test);
     match test.is_empty() {
-        true => photos.iter().map(|photo| photo.camera).collect(),
+        true => scene.photos.iter().map(|photo| photo.camera).collect(),
         false => test,
     }
 }
 
-/// What a method's frames, painting by painting, come to beside the unstylised ones.
-fn method(
-    vgg: &Perceptual,
-    walk: &Walk,
-    fidelity: StyleFidelity,
-    (frames, plain): (&[Vec<RgbImage>], &[RgbImage]),
-) -> Result<MethodResult, EvalError> {
-    if plain.is_empty() {
-        return Ok(MethodResult {
-            fidelity,
-            short: None,
-            long: None,
-            estimated_flow: None,
-            sharpness: None,
-        });
+impl MethodResult {
+    /// Means of results by painting, over these views.
+    fn of(results: Vec<(PaintingResult, Option<Walked>)>, views: &[RgbImage]) -> Self {
+        let (paintings, walks): (Vec<_>, Vec<_>) = results.into_iter().unzip();
+        let walks: Vec<Walked> = walks.into_iter().flatten().collect();
+        let mean = |of: fn(&Walked) -> Consistency| {
+            Consistency::mean(&walks.iter().map(of).collect::<Vec<_>>())
+        };
+        let some = !walks.is_empty();
+        let sharpness = walks.iter().map(|w| w.sharpness).sum::<f64>() / walks.len().max(1) as f64;
+        Self {
+            fidelity: StyleFidelity::of(paintings, views.len()),
+            short: some.then(|| mean(|w| w.exact[0])),
+            long: some.then(|| mean(|w| w.exact[1])),
+            estimated_flow: some.then(|| Legacy {
+                short: mean(|w| w.estimated[0]),
+                long: mean(|w| w.estimated[1]),
+            }),
+            sharpness: some.then_some(sharpness),
+        }
     }
-    let over = |pairs: &Pairs, vgg: Option<&Perceptual>| {
-        let results = frames
-            .iter()
-            .map(|frames| pairs.consistency(frames, vgg))
-            .collect::<Result<Vec<_>, StyleError>>()?;
-        Ok::<_, StyleError>(Consistency::mean(&results))
-    };
-    let energy = |frames: &[RgbImage]| frames.iter().map(gradient_energy).sum::<f64>();
-    let painted: f64 = frames.iter().map(|frames| energy(frames)).sum();
-    let floor = energy(plain) * frames.len() as f64;
-    Ok(MethodResult {
-        fidelity,
-        short: Some(over(&walk.exact[0], Some(vgg))?),
-        long: Some(over(&walk.exact[1], Some(vgg))?),
-        estimated_flow: Some(Legacy {
-            short: over(&walk.estimated[0], None)?,
-            long: over(&walk.estimated[1], None)?,
-        }),
-        sharpness: Some(painted / floor.max(f64::MIN_POSITIVE)),
-    })
 }

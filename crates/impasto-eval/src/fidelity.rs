@@ -72,35 +72,26 @@ impl<'a> Judge<'a> {
         })
     }
 
-    /// Judges `styled[painting][view]`.
-    pub(crate) fn judge(&self, styled: &[Vec<RgbImage>]) -> Result<StyleFidelity, StyleError> {
-        let paintings = self.names.iter().zip(styled).enumerate();
-        let paintings = paintings
-            .map(|(i, (name, views))| self.painting(i, name, views))
-            .collect::<Result<Vec<_>, StyleError>>()?;
-        let mean = |get: fn(&PaintingResult) -> f64| {
-            paintings.iter().map(get).sum::<f64>() / paintings.len().max(1) as f64
-        };
-        Ok(StyleFidelity {
-            style_loss: mean(|r| r.style_loss),
-            style_gain: mean(|r| r.style_gain),
-            retrieval: mean(|r| r.retrieved),
-            content_loss: mean(|r| r.content_loss),
-            views: self.plain.len(),
-            paintings,
-        })
-    }
-
-    fn painting(
+    /// Judges the views of one painting.
+    pub(crate) fn painting(
         &self,
         index: usize,
-        name: &str,
         views: &[RgbImage],
     ) -> Result<PaintingResult, StyleError> {
-        let mut result = PaintingResult::new(name);
+        let views = views.iter().map(|view| features(self.vgg, view));
+        let views = views.collect::<Result<Vec<_>, _>>()?;
+        Ok(self.of_features(index, &views))
+    }
+
+    /// Judges the unstylised views as if they were that painting's.
+    pub(crate) fn unstyled(&self, index: usize) -> PaintingResult {
+        self.of_features(index, &self.plain)
+    }
+
+    fn of_features(&self, index: usize, views: &[Features]) -> PaintingResult {
+        let mut result = PaintingResult::new(self.names[index]);
         let target = &self.targets[index];
-        for (view, plain) in views.iter().zip(&self.plain) {
-            let painted = features(self.vgg, view)?;
+        for (painted, plain) in views.iter().zip(&self.plain) {
             let loss = painted.statistics.distance(target);
             let others = self.targets.iter().enumerate().filter(|(i, _)| *i != index);
             let nearest = others
@@ -115,7 +106,24 @@ impl<'a> Judge<'a> {
             result.content_loss += content.sum::<f64>() / plain.content.len() as f64;
         }
         result.divide(views.len().max(1) as f64);
-        Ok(result)
+        result
+    }
+}
+
+impl StyleFidelity {
+    /// Means over paintings.
+    pub(crate) fn of(paintings: Vec<PaintingResult>, views: usize) -> Self {
+        let mean = |get: fn(&PaintingResult) -> f64| {
+            paintings.iter().map(get).sum::<f64>() / paintings.len().max(1) as f64
+        };
+        Self {
+            style_loss: mean(|r| r.style_loss),
+            style_gain: mean(|r| r.style_gain),
+            retrieval: mean(|r| r.retrieved),
+            content_loss: mean(|r| r.content_loss),
+            views,
+            paintings,
+        }
     }
 }
 

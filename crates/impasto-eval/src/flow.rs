@@ -36,7 +36,7 @@ impl Flow {
     ///
     /// # Panics
     /// If a depth map does not have its camera's size.
-    pub fn between(from: &Geometry<'_>, to: &Geometry<'_>) -> Self {
+    fn between(from: &Geometry<'_>, to: &Geometry<'_>) -> Self {
         Self::exact(from, to).0
     }
 

@@ -10,6 +10,6 @@ pub mod methods;
 mod sharpness;
 mod walk;
 
-pub use evaluate::{EvalError, EvalOptions, Evaluation, MethodResult, evaluate};
+pub use evaluate::{EvalError, EvalOptions, Evaluation, Legacy, MethodResult, evaluate};
 pub use fidelity::{PaintingResult, StyleFidelity};
 pub use sharpness::gradient_energy;

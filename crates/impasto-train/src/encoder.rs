@@ -4,14 +4,16 @@ use crate::TrainError;
 use crate::config::{PictureConfig, TrainConfig};
 use crate::event::Event;
 use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
+use crate::progress::{REPORT_EVERY, Smooth};
 use crate::style_folder::{StyleFile, StyleFolder};
+use crate::styles::STYLE_SIDE;
 use burn::tensor::Device;
 use impasto_style::{
     Network, Perceptual, Statistics, StyleError, StyleInput, StyleVae, VaeTraining, train_vae,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Random crops per painting, beside the whole.
 const CROPS: u16 = 13;
@@ -23,8 +25,6 @@ const FIRST_GENERATED: u64 = 1_000_000;
 const MOST: usize = 24_576;
 /// Without a folder of its own, one painting in this many is held out.
 const HELD_OUT: usize = 8;
-/// Time between two events.
-const REPORT_EVERY: Duration = Duration::from_millis(500);
 
 /// How to train an encoder.
 #[derive(Debug, Clone)]
@@ -41,6 +41,8 @@ pub struct EncoderOptions {
     pub network: Network,
     /// Which statistics it reads.
     pub input: StyleInput,
+    /// Pixels a side of the squares that paintings become.
+    pub side: u32,
     /// Seed of the training; crops and generated pictures are always the same.
     pub seed: u64,
     /// Folder where statistics of paintings are kept for later runs; `None` keeps nothing.
@@ -52,6 +54,8 @@ impl EncoderOptions {
     pub const STEPS: u64 = 1200;
     /// Generated pictures that the shipped encoder was trained on.
     pub const GENERATED: usize = 1600;
+    /// Pixels a side that the shipped encoder has seen.
+    pub const SIDE: u32 = STYLE_SIDE;
     /// Seed that the shipped encoder was trained with.
     pub const SEED: u64 = 1;
 }
@@ -105,8 +109,10 @@ pub fn train_encoder(
         crops: CROPS,
         generated: options.generated,
         most: MOST,
-        ..wholes()
+        ..wholes(options.side)
     };
+    // Before the training: a folder that cannot be used is no reason to lose it.
+    let (unseen, unreadable) = vectors((&vgg, cache), &heldout, &wholes(options.side), sink)?;
     let (set, _) = vectors((&vgg, cache), &folder, &sampling, sink)?;
     let training = VaeTraining {
         input: options.input,
@@ -125,7 +131,7 @@ pub fn train_encoder(
     let vae = vae.of_network(options.network);
     let vae = StyleVae::from_bytes("the trained encoder", &vae.to_bytes()?)?;
     let summary = EncoderSummary {
-        heldout: checked((&vgg, cache), &vae, &heldout, sink)?,
+        heldout: EncoderCheck::of(&vae, &unseen, unreadable),
         explained_of_training: vae.explained(&set),
         vectors: set.len(),
         steps: options.steps,
@@ -134,18 +140,20 @@ pub fn train_encoder(
     Ok((vae, summary))
 }
 
-/// Checks an encoder on a folder of paintings, best ones that it has not seen.
+/// Checks an encoder on a folder of paintings of `side` pixels, best ones that it has not seen.
 ///
 /// # Errors
 /// If the folder cannot be read or holds no picture.
 pub fn check_encoder(
     vae: &StyleVae,
-    heldout: &Path,
+    (heldout, side): (&Path, u32),
     cache: Option<&Path>,
     sink: &mut dyn FnMut(&Event),
 ) -> Result<EncoderCheck, TrainError> {
     let folder = StyleFolder::of_paintings(heldout)?;
-    checked((&vae.network().load()?, cache), vae, &folder, sink)
+    let vgg = vae.network().load()?;
+    let (set, unreadable) = vectors((&vgg, cache), &folder, &wholes(side), sink)?;
+    Ok(EncoderCheck::of(vae, &set, unreadable))
 }
 
 /// Reads an encoder's file.
@@ -162,10 +170,11 @@ pub fn read_encoder(path: &Path) -> Result<StyleVae, TrainError> {
 }
 
 /// Whole paintings alone.
-fn wholes() -> Sampling {
+fn wholes(side: u32) -> Sampling {
     Sampling {
         crops: 0,
         pictures: PictureConfig {
+            side,
             least_crop: LEAST_CROP,
             ..TrainConfig::fast().style.pictures
         },
@@ -177,19 +186,15 @@ fn wholes() -> Sampling {
     }
 }
 
-fn checked(
-    network: (&Perceptual, Option<&Path>),
-    vae: &StyleVae,
-    heldout: &StyleFolder,
-    sink: &mut dyn FnMut(&Event),
-) -> Result<EncoderCheck, TrainError> {
-    let (set, unreadable) = vectors(network, heldout, &wholes(), sink)?;
-    Ok(EncoderCheck {
-        input: vae.input(),
-        explained: vae.explained(&set),
-        paintings: set.len(),
-        unreadable,
-    })
+impl EncoderCheck {
+    fn of(vae: &StyleVae, unseen: &[Statistics], unreadable: usize) -> Self {
+        Self {
+            input: vae.input(),
+            explained: vae.explained(unseen),
+            paintings: unseen.len(),
+            unreadable,
+        }
+    }
 }
 
 /// Statistics of a folder's pictures, and the number of files that are none.
@@ -231,7 +236,7 @@ fn hold_out(folder: &mut StyleFolder) -> StyleFolder {
 /// Smoothed error, reported now and then.
 struct Steps {
     steps: u64,
-    smooth: f64,
+    smooth: Smooth,
     last: Instant,
 }
 
@@ -239,24 +244,19 @@ impl Steps {
     fn new(steps: u64) -> Self {
         Self {
             steps,
-            smooth: 0.0,
+            smooth: Smooth::default(),
             last: Instant::now(),
         }
     }
 
     fn report(&mut self, step: u64, error: f32, sink: &mut dyn FnMut(&Event)) {
-        let error = f64::from(error);
-        self.smooth = if step == 0 {
-            error
-        } else {
-            0.98 * self.smooth + 0.02 * error
-        };
+        self.smooth.add(error.into());
         if self.last.elapsed() >= REPORT_EVERY || step + 1 == self.steps {
             self.last = Instant::now();
             sink(&Event::EncoderStep {
                 step: step + 1,
                 steps: self.steps,
-                error: self.smooth,
+                error: self.smooth.value().unwrap_or_default(),
             });
         }
     }

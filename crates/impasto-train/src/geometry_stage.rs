@@ -2,6 +2,7 @@
 
 use crate::budget::Clock;
 use crate::config::{GeometryConfig, TrainConfig};
+use crate::painted::add_gradients;
 use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
 use burn::tensor::{Device, Tensor};
 use glam::{DVec3, DVec4, Vec4Swizzles};
@@ -236,13 +237,7 @@ impl GeometryStage {
             found.add(&host(loss.clone().inner()), part.inner.len(), share);
             let loss = loss.slice_dim(0, 0..1);
             let loss = if share < 1.0 { loss * share } else { loss };
-            let mut own = loss.backward();
-            for (sum, leaf) in gradients.iter_mut().zip(&leaves) {
-                *sum = match (sum.take(), leaf.grad_remove(&mut own)) {
-                    (Some(sum), Some(own)) => Some(sum + own),
-                    (sum, own) => sum.or(own),
-                };
-            }
+            add_gradients(&mut gradients, &leaves, loss.backward());
         }
         // Adam works in place only on what nobody else holds.
         drop((weights, app));

@@ -5,6 +5,7 @@ use crate::config::PictureConfig;
 use crate::event::Event;
 use crate::hash::Hash;
 use crate::palette::Palette;
+use crate::progress::REPORT_EVERY;
 use crate::style_cache::{Cache, Key, Measured};
 use crate::style_folder::{StyleFile, StyleFolder};
 use crate::styles::{statistics, window_statistics};
@@ -29,8 +30,6 @@ const BATCH: usize = 4;
 const FIRST_BATCH: usize = 8;
 /// A cache is written at least this often, so that an interrupted run is not lost.
 const SAVE_EVERY: Duration = Duration::from_secs(120);
-/// Time between two events.
-const REPORT_EVERY: Duration = Duration::from_millis(500);
 
 /// Which pictures are made from a folder of paintings, and beside it.
 #[derive(Debug, Clone, Copy)]
@@ -322,7 +321,8 @@ impl Gathering<'_> {
 
     fn random_crop(&self, painting: &RgbImage, rng: &mut Pcg64) -> RgbImage {
         let pictures = &self.sampling.pictures;
-        let part = rng.random_range(pictures.least_crop..1.0);
+        // Every area is as likely as any other.
+        let part = rng.random_range(pictures.least_crop.powi(2)..1.0).sqrt();
         let place = (rng.random(), rng.random());
         let mut square = square_crop(painting, part, place, pictures.side);
         if rng.random() {

@@ -48,6 +48,14 @@ pub struct ModelScene {
     pub photos: Vec<ModelPhoto>,
 }
 
+impl ModelScene {
+    /// Cameras of a split's photos, in scene space.
+    pub fn cameras(&self, split: Split) -> Vec<Camera> {
+        let photos = self.photos.iter().filter(|photo| photo.split == split);
+        photos.map(|photo| photo.camera).collect()
+    }
+}
+
 /// Quality measured at the end of training.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub struct Quality {

@@ -5,26 +5,26 @@ use crate::event::{Event, Stage};
 use crate::log::Log;
 use std::time::{Duration, Instant};
 
-/// Time between two step events.
-const REPORT_EVERY: Duration = Duration::from_millis(500);
+/// Time between two events that tell how far something is.
+pub(crate) const REPORT_EVERY: Duration = Duration::from_millis(500);
 /// Weight of a step in smoothed numbers, once there are as many as its inverse.
 const NEWEST: f64 = 0.02;
 
 /// A running mean of the last numbers; of all while they are few.
 #[derive(Debug, Default, Clone, Copy)]
-struct Smooth {
+pub(crate) struct Smooth {
     mean: f64,
     count: u32,
 }
 
 impl Smooth {
-    fn add(&mut self, number: f64) {
+    pub(crate) fn add(&mut self, number: f64) {
         self.count += 1;
         let share = (1.0 / f64::from(self.count)).max(NEWEST);
         self.mean += share * (number - self.mean);
     }
 
-    fn value(self) -> Option<f64> {
+    pub(crate) fn value(self) -> Option<f64> {
         (self.count > 0).then_some(self.mean)
     }
 }

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// First bytes of every file; the number is raised when records change.
-const HEADER: &[u8; 16] = b"IMPASTO styles 1";
+const HEADER: &[u8; 16] = b"IMPASTO styles 2";
 /// Key, palette, statistics, checksum.
 const RECORD: usize = 14 + 8 * Palette::NUMBERS + 2 * Statistics::LEN + 8;
 /// No file holds more records, which bounds the memory that reading takes.

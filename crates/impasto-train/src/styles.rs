@@ -30,8 +30,6 @@ pub const MOST_STYLES: usize = 131_072;
 /// A painting as training sees it.
 #[derive(Debug, Clone)]
 pub struct Style {
-    /// Statistics of the whole picture: what its code is made of.
-    pub statistics: Statistics,
     /// Mean statistics of patch-sized windows: what a patch can be compared with. A window has
     /// less variety than the whole, and more border for its pixels.
     pub target: Statistics,
@@ -187,15 +185,17 @@ impl StyleSet {
     pub fn of_pictures(
         vgg: &Perceptual,
         pictures: &[RgbImage],
-        patch: [usize; 2],
+        (patch, settings): ([usize; 2], &PictureConfig),
     ) -> Result<Self, StyleError> {
         let (mut kept, mut windows) = (Vec::new(), Vec::new());
         for image in pictures {
-            let square = square_crop(image, 1.0, (0.5, 0.5), STYLE_SIDE);
+            let square = square_crop(image, 1.0, (0.5, 0.5), settings.side);
             let palette = Palette::of_picture(image);
             let measured = |s| Arc::new(Measured::new(&s, palette));
             kept.push(measured(statistics(vgg, &square)?));
-            windows.push(measured(window_statistics(vgg, &square, patch)?));
+            if settings.windowed {
+                windows.push(measured(window_statistics(vgg, &square, patch)?));
+            }
         }
         Ok(Self {
             shrinkage: shrinkage(&kept, &windows),
@@ -233,7 +233,6 @@ impl StyleSet {
             target: Statistics(shrunk.collect()),
             code: vae.encode(&statistics),
             palette,
-            statistics,
         }
     }
 }

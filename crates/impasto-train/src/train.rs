@@ -130,6 +130,7 @@ pub fn train(
     };
     let mut log = Log::create(&options.output, sink)?;
     let found = paintings.as_ref().map_or(0, |folder| folder.files.len());
+    let listed = paintings.as_ref().map_or(0, |f| f.unreadable.len());
     log.event(&loaded(&scene, found));
     let mut run = Run {
         options,
@@ -160,7 +161,8 @@ pub fn train(
         geometry_steps,
         style_steps,
         train_photos: run.scene.train().count(),
-        paintings: found.saturating_sub(run.unreadable),
+        // Unreadable entries of the listing were never among the files.
+        paintings: (found + listed).saturating_sub(run.unreadable),
         unreadable_paintings: run.unreadable,
         synthetic: run.scene.synthetic,
     })
@@ -189,7 +191,8 @@ fn loaded(scene: &Scene, paintings: usize) -> Event {
 
 fn check_sizes(scene: &Scene, options: &TrainOptions) -> Result<(), TrainError> {
     let [least_height, least_width] = options.config.style.patch;
-    let small = scene.photos.iter().find(|p| {
+    // Patches are cut from training photos only.
+    let small = scene.train().map(|(_, p)| p).find(|p| {
         let (w, h) = p.pixels.dimensions();
         (w as usize) < least_width || (h as usize) < least_height
     });

@@ -24,7 +24,13 @@ fn the_shipped_encoder_rebuilds_paintings_that_it_never_saw() {
         return;
     }
     let vae = StyleVae::shipped().unwrap();
-    let check = check_encoder(&vae, heldout.as_ref(), None, &mut |_| ()).unwrap();
+    let check = check_encoder(
+        &vae,
+        (heldout.as_ref(), EncoderOptions::SIDE),
+        None,
+        &mut |_| (),
+    )
+    .unwrap();
     assert_eq!(check.unreadable, 0);
     assert!(check.explained >= 0.9, "{check:?}");
 }
@@ -42,6 +48,7 @@ fn trained(dir: &Path) -> std::path::PathBuf {
         generated: 2,
         network: Network::Vgg16,
         input: StyleInput::Relu4_1,
+        side: EncoderOptions::SIDE,
         seed: 1,
         cache: None,
     };

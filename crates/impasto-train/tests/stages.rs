@@ -136,7 +136,12 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     let file = reconstruct(&scene, config, 120);
     let (vgg, vae) = (Perceptual::vgg16().unwrap(), StyleVae::shipped().unwrap());
     let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
-    let styles = StyleSet::of_pictures(&vgg, &[painting], config.style.patch).unwrap();
+    let styles = StyleSet::of_pictures(
+        &vgg,
+        &[painting],
+        (config.style.patch, &config.style.pictures),
+    )
+    .unwrap();
     let frozen = Frozen {
         weights: file.weights,
         grids: file.grids,

@@ -59,7 +59,7 @@ pub fn views(
         return Err(CliError::Usage("--frames must be at least 1".into()));
     }
     let scene = &model.file.scene;
-    let train = cameras(scene, Split::Train);
+    let train = scene.cameras(Split::Train);
     let path_size = || size.or_else(|| train.first().map(pixels)).unwrap_or((1, 1));
     let count = frames.unwrap_or(FRAMES);
     let cameras = match source {
@@ -99,11 +99,6 @@ pub fn views(
         photo: None,
     };
     Ok(cameras.into_iter().map(view).collect())
-}
-
-fn cameras(scene: &ModelScene, split: Split) -> Vec<Camera> {
-    let photos = scene.photos.iter().filter(|photo| photo.split == split);
-    photos.map(|photo| photo.camera).collect()
 }
 
 fn pixels(camera: &Camera) -> (u32, u32) {

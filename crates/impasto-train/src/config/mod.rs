@@ -100,8 +100,8 @@ pub struct StyleConfig {
     pub least_weight: f32,
     /// Share of patches that are seen from between two photos instead of from one.
     pub novel_views: f32,
-    /// Rays painted in one graph. A patch of more takes several turns: the same gradients, in less
-    /// memory.
+    /// Rays painted in one graph, rounded to groups of 128. A patch of more takes several turns:
+    /// the same gradients, in less memory.
     pub rays_at_once: usize,
     /// Hidden width of the hypernetworks.
     pub hyper_width: usize,
