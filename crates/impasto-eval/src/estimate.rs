@@ -184,7 +184,8 @@ fn search(from: &Plane, to: &Plane, [x, y]: [usize; 2], first: [f32; 2]) -> [f32
         motion = [motion[0] - step[0], motion[1] - step[1]];
         let size = |v: [f32; 2]| v[0].hypot(v[1]);
         // A patch that runs away has found nothing.
-        if !(size([motion[0] - first[0], motion[1] - first[1]]) < PATCH as f32) {
+        let moved = size([motion[0] - first[0], motion[1] - first[1]]);
+        if moved.is_nan() || moved >= PATCH as f32 {
             return first;
         }
         if size(step) < SMALL_STEP {
