@@ -3,7 +3,7 @@
 use super::{ContentTarget, TrainConfig};
 use crate::TrainError;
 use impasto_field::{EncodingConfig, Shading, VolumeConfig};
-use impasto_style::PatchStrides;
+use impasto_style::{Network, PatchStrides};
 
 /// More rays than this are no patch.
 pub(super) const MOST_PATCH_RAYS: usize = 1 << 18;
@@ -124,12 +124,17 @@ impl TrainConfig {
             PatchStrides::Paper(parts) => parts.iter().all(|part| *part >= 1),
             PatchStrides::Scale([least, most]) => least > 0.0 && least <= most && most.is_finite(),
         };
+        // What is left of a smaller one cannot be convolved.
+        let least_side = match s.perceptual {
+            Network::Vgg16 => 8,
+            Network::Vgg19 => 9,
+        };
         let seen = s.content_target == ContentTarget::Render || s.novel_views == 0.0;
         vec![
             (
                 "style.patch",
-                s.patch.iter().all(|p| (8..=1024).contains(p)),
-                "8 to 1024 a side",
+                s.patch.iter().all(|p| (least_side..=1024).contains(p)),
+                "8 to 1024 a side, with VGG-19 9 to 1024",
             ),
             (
                 "style.strides",
@@ -320,7 +325,10 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         type Change = fn(&mut TrainConfig);
-        let broken: [(&str, Change); 10] = [
+        let broken: [(&str, Change); 11] = [
+            ("style.patch", |c| {
+                (c.style.perceptual, c.style.patch) = (Network::Vgg19, [8, 20]);
+            }),
             ("style.novel_views", |c| {
                 c.style.content_target = ContentTarget::Photo;
             }),
