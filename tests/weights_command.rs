@@ -164,7 +164,7 @@ fn styles_are_learned_through_an_installed_vgg19_with_an_encoder_of_its_own() {
         painting.save(path).unwrap();
     }
     let train = "train scene -o model --styles paintings --steps 10 --json --set style.generated=0 \
-                 --set style.patch=[16,20] --set style.perceptual=vgg19";
+                 --set style.patch=[16,20] --set style.perceptual=vgg19 --set style.pictures.side=64";
     let missing = impasto(folder, train);
     refused(
         folder,
@@ -190,7 +190,7 @@ fn styles_are_learned_through_an_installed_vgg19_with_an_encoder_of_its_own() {
     );
 
     let encoder = "train-encoder --styles paintings -o mine.safetensors --steps 2 --generated 4 \
-                   --perceptual vgg19 --json";
+                   --perceptual vgg19 --layers relu4_1 --side 64 --json";
     answer(&impasto(folder, encoder));
     answer(&impasto(
         folder,

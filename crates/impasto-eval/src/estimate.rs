@@ -2,6 +2,7 @@
 //! (Kroeger et al. 2016) without its variational refinement.
 
 use crate::flow::Flow;
+use crate::plane::Plane;
 use image::RgbImage;
 use rayon::prelude::*;
 
@@ -15,58 +16,6 @@ const STEPS: usize = 16;
 const SMALL_STEP: f32 = 0.01;
 /// Added to a patch's structure tensor: flat patches stay where the coarser level put them.
 const DAMPING: f32 = 1e-3;
-
-/// Brightness in `[0, 1]`.
-#[derive(Debug, Clone)]
-struct Plane {
-    width: usize,
-    height: usize,
-    values: Vec<f32>,
-}
-
-impl Plane {
-    fn of(image: &RgbImage) -> Self {
-        let luma = image.pixels().map(|pixel| {
-            let [r, g, b] = pixel.0.map(f32::from);
-            (0.299 * r + 0.587 * g + 0.114 * b) / 255.0
-        });
-        Self {
-            width: image.width() as usize,
-            height: image.height() as usize,
-            values: luma.collect(),
-        }
-    }
-
-    /// The value between pixel indices, bilinear; beyond the border the border's.
-    fn at(&self, x: f32, y: f32) -> f32 {
-        let x = x.clamp(0.0, (self.width - 1) as f32);
-        let y = y.clamp(0.0, (self.height - 1) as f32);
-        let (left, top) = (x as usize, y as usize);
-        let (right, bottom) = (
-            (left + 1).min(self.width - 1),
-            (top + 1).min(self.height - 1),
-        );
-        let (across, down) = (x - left as f32, y - top as f32);
-        let value = |x: usize, y: usize| self.values[y * self.width + x];
-        let upper = value(left, top) + across * (value(right, top) - value(left, top));
-        let lower = value(left, bottom) + across * (value(right, bottom) - value(left, bottom));
-        upper + down * (lower - upper)
-    }
-
-    /// Means of 2×2 pixels.
-    fn halved(&self) -> Self {
-        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
-        let values = (0..width * height).map(|i| {
-            let (x, y) = ((i % width * 2) as f32, (i / width * 2) as f32);
-            self.at(x + 0.5, y + 0.5)
-        });
-        Self {
-            width,
-            height,
-            values: values.collect(),
-        }
-    }
-}
 
 /// Flow from one picture to another of the same size; `None` where it leaves the picture.
 ///

@@ -102,9 +102,7 @@ pub fn evaluate(
     tick: &mut dyn FnMut(),
 ) -> Result<Evaluation, EvalError> {
     let EvalOptions {
-        paintings,
-        path,
-        against,
+        paintings, path, ..
     } = *options;
     let cameras = held_out(model);
     if cameras.is_empty() || paintings.is_empty() {
@@ -112,46 +110,20 @@ pub fn evaluate(
     }
     let vgg = Perceptual::vgg16()?;
     let plain = views(model, &cameras, &[&model.photo_look()], &mut || {}).remove(0);
-    let judge = Judge::new(&vgg, paintings, &plain)?;
-    let walk = Walk::new(model, path, tick);
-    let mut methods = BTreeMap::new();
-
-    let unstyled = walk.measure(&walk.frames, &vgg)?;
-    let photo = (0..paintings.len()).map(|i| (judge.unstyled(i), unstyled));
-    methods.insert(PHOTO.to_owned(), MethodResult::of(photo.collect(), &plain));
-
-    let mut ours = Vec::with_capacity(paintings.len());
-    for group in paintings.chunks(GROUP) {
-        let looks = group.iter().map(|(_, painting)| {
-            let inspiration = model.inspiration(painting)?;
-            model.look(&inspiration).ok_or(EvalError::Unstyled)
-        });
-        let looks: Vec<Look> = looks.collect::<Result<_, _>>()?;
-        let looks: Vec<&Look> = looks.iter().collect();
-        let painted = views(model, &cameras, &looks, &mut || {});
-        let walked = views(model, path, &looks, tick);
-        for (painted, walked) in painted.iter().zip(&walked) {
-            let fidelity = judge.painting(ours.len(), painted)?;
-            ours.push((fidelity, walk.measure(walked, &vgg)?));
-        }
-    }
-    methods.insert(OURS.to_owned(), MethodResult::of(ours, &plain));
-
-    for stylizer in against {
-        let (mut pictures, mut videos) = (Vec::new(), Vec::new());
-        for (i, (_, painting)) in paintings.iter().enumerate() {
-            let brush = stylizer.brush(painting);
-            let paint = |frames: &[RgbImage]| frames.par_iter().map(&brush).collect::<Vec<_>>();
-            let fidelity = judge.painting(i, &paint(&plain))?;
-            let frames = paint(&walk.frames);
-            // A first frame is a single picture: as a video, the views are painted alike.
-            let video = walk.measure(&walk.video(&frames), &vgg)?;
-            videos.push((fidelity.clone(), video));
-            pictures.push((fidelity, walk.measure(&frames, &vgg)?));
-        }
+    let bench = Bench {
+        judge: Judge::new(&vgg, paintings, &plain)?,
+        walk: Walk::new(model, path, tick),
+        vgg: &vgg,
+        plain: &plain,
+    };
+    let mut methods = BTreeMap::from([(PHOTO.to_owned(), bench.photo(paintings.len())?)]);
+    let ours = bench.ours(model, (&cameras, options), tick)?;
+    methods.insert(OURS.to_owned(), ours);
+    for stylizer in options.against {
+        let [pictures, video] = bench.other(*stylizer, paintings)?;
         let name = stylizer.name();
-        methods.insert(name.to_owned(), MethodResult::of(pictures, &plain));
-        methods.insert(format!("{name}_temporal"), MethodResult::of(videos, &plain));
+        methods.insert(name.to_owned(), pictures);
+        methods.insert(format!("{name}_temporal"), video);
     }
     Ok(Evaluation {
         methods,
@@ -159,6 +131,67 @@ pub fn evaluate(
         flow: "exact, from rendered depth and poses",
         frames: path.len(),
     })
+}
+
+/// What all methods are measured with.
+struct Bench<'a> {
+    judge: Judge<'a>,
+    walk: Walk,
+    vgg: &'a Perceptual,
+    /// The held-out views, unstylised.
+    plain: &'a [RgbImage],
+}
+
+impl Bench<'_> {
+    fn photo(&self, paintings: usize) -> Result<MethodResult, EvalError> {
+        let walked = self.walk.measure(&self.walk.frames, self.vgg)?;
+        let results = (0..paintings).map(|i| (self.judge.unstyled(i), walked));
+        Ok(MethodResult::of(results.collect(), self.plain))
+    }
+
+    fn ours(
+        &self,
+        model: &Model,
+        (cameras, options): (&[Camera], &EvalOptions<'_>),
+        tick: &mut dyn FnMut(),
+    ) -> Result<MethodResult, EvalError> {
+        let mut results = Vec::with_capacity(options.paintings.len());
+        for group in options.paintings.chunks(GROUP) {
+            let looks = group.iter().map(|(_, painting)| {
+                let inspiration = model.inspiration(painting)?;
+                model.look(&inspiration).ok_or(EvalError::Unstyled)
+            });
+            let looks: Vec<Look> = looks.collect::<Result<_, _>>()?;
+            let looks: Vec<&Look> = looks.iter().collect();
+            let painted = views(model, cameras, &looks, &mut || {});
+            let walked = views(model, options.path, &looks, tick);
+            for (painted, walked) in painted.iter().zip(&walked) {
+                let fidelity = self.judge.painting(results.len(), painted)?;
+                results.push((fidelity, self.walk.measure(walked, self.vgg)?));
+            }
+        }
+        Ok(MethodResult::of(results, self.plain))
+    }
+
+    /// Frame by frame, and as a video.
+    fn other(
+        &self,
+        stylizer: &dyn Stylizer,
+        paintings: &[(String, RgbImage)],
+    ) -> Result<[MethodResult; 2], EvalError> {
+        let (mut pictures, mut videos) = (Vec::new(), Vec::new());
+        for (i, (_, painting)) in paintings.iter().enumerate() {
+            let brush = stylizer.brush(painting);
+            let paint = |frames: &[RgbImage]| frames.par_iter().map(&brush).collect::<Vec<_>>();
+            let fidelity = self.judge.painting(i, &paint(self.plain))?;
+            let frames = paint(&self.walk.frames);
+            // A first frame is a single picture: as a video, the views are painted alike.
+            let video = self.walk.measure(&self.walk.video(&frames), self.vgg)?;
+            videos.push((fidelity.clone(), video));
+            pictures.push((fidelity, self.walk.measure(&frames, self.vgg)?));
+        }
+        Ok([pictures, videos].map(|results| MethodResult::of(results, self.plain)))
+    }
 }
 
 impl EvalOptions<'_> {

@@ -245,15 +245,20 @@ pub(crate) mod tests {
         }
     }
 
-    #[test]
-    fn a_wall_moves_by_its_parallax() {
-        let (first, second) = (camera(0.0), camera(0.1));
-        let depth = [2.0; 40 * 30];
-        let geometry = |camera| Geometry {
+    /// A wall of one depth, seen from two places `step` apart.
+    fn wall(step: f64, depth: f32) -> Correspondence {
+        let depth = [depth; 40 * 30];
+        let cameras = [camera(0.0), camera(step)];
+        let [first, second] = cameras.each_ref().map(|camera| Geometry {
             camera,
             depth: &depth,
-        };
-        let found = Correspondence::exact(&geometry(&first), &geometry(&second));
+        });
+        Correspondence::exact(&first, &second)
+    }
+
+    #[test]
+    fn a_wall_moves_by_its_parallax() {
+        let found = wall(0.1, 2.0);
         // 0.1 · 40 / 2 pixels to the left.
         for (i, vector) in found.flow.vectors.iter().enumerate() {
             match vector {
@@ -302,13 +307,7 @@ pub(crate) mod tests {
 
     #[test]
     fn warping_brings_the_other_frame_over() {
-        let (first, second) = (camera(0.0), camera(0.05));
-        let depth = [2.0; 40 * 30];
-        let geometry = |camera| Geometry {
-            camera,
-            depth: &depth,
-        };
-        let found = Correspondence::exact(&geometry(&first), &geometry(&second));
+        let found = wall(0.05, 2.0);
         // A ramp, which linear interpolation reproduces: half of it moved by one pixel.
         let ramp = |shift: f32| -> Vec<f32> {
             (0..40 * 30 * 3)
@@ -325,14 +324,8 @@ pub(crate) mod tests {
 
     #[test]
     fn nothing_and_infinity_are_no_numbers_to_compare() {
-        let (first, second) = (camera(0.0), camera(0.1));
         for value in [f32::NAN, f32::INFINITY, 0.0] {
-            let depth = [value; 40 * 30];
-            let geometry = |camera| Geometry {
-                camera,
-                depth: &depth,
-            };
-            let found = Correspondence::exact(&geometry(&first), &geometry(&second));
+            let found = wall(0.1, value);
             let sky = value.is_infinite();
             assert_eq!(found.coverage() > 0.5, sky, "depth {value}");
             assert!(found.warped(&[0.5; 3600]).iter().all(|v| v.is_finite()));

@@ -7,6 +7,7 @@ mod evaluate;
 mod fidelity;
 pub mod flow;
 pub mod methods;
+mod plane;
 mod sharpness;
 mod walk;
 

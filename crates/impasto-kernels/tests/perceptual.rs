@@ -88,7 +88,6 @@ fn gradient_equals_the_twins_differences() {
 #[test]
 fn operation_has_the_gradient_of_central_differences() {
     let (height, width) = (4, 6);
-    let shape = [height, width, 3];
     let (layers, image) = (0..2000)
         .map(|seed| {
             let layers = random_stack(seed, &[4, 5], &[1], &[0, 1]);
@@ -96,15 +95,7 @@ fn operation_has_the_gradient_of_central_differences() {
         })
         .find(|(layers, image)| twin(layers, &wide(image), height, width).1 > 0.012)
         .expect("one of the seeds stays off the kinks");
-    let stack = Arc::new(stack(&layers));
-    let run = |image: Tensor<3>| ops::perceptual(image, Arc::clone(&stack));
-    let tracked = leaf(&image, shape);
-    let out = run(tracked.clone());
-    let weights = numbers(6, out.dims()[0], -1.0..1.0);
-    let grad = gradient(&tracked, &backward(out, &weights));
-    check_gradient("image", &image, &grad, 1e-3, |image| {
-        dot(&values(run(tensor(image, shape))), &weights)
-    });
+    check_operation(stack(&layers), &image, [height, width]);
 }
 
 #[test]

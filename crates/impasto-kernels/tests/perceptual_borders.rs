@@ -2,7 +2,6 @@
 
 mod common;
 
-use burn::tensor::Tensor;
 use common::convnet::*;
 use common::*;
 use impasto_kernels::{Border, OddEnd, PerceptualStack, ops};
@@ -90,7 +89,6 @@ fn many_channels_equal_the_twin_forward_and_backward() {
 #[test]
 fn operation_has_the_gradient_of_central_differences() {
     let (height, width) = (5, 7);
-    let shape = [height, width, 3];
     let (layers, image) = (0..4000)
         .map(|seed| {
             let layers = random_stack(seed, &[4, 5], &[1], &[0, 1]);
@@ -98,15 +96,7 @@ fn operation_has_the_gradient_of_central_differences() {
         })
         .find(|(layers, image)| twin_with(MODES[0], layers, &wide(image), [height, width]).1 > 0.01)
         .expect("one of the seeds stays off the kinks");
-    let stack = Arc::new(stack_with(MODES[0], &layers));
-    let run = |image: Tensor<3>| ops::perceptual(image, Arc::clone(&stack));
-    let tracked = leaf(&image, shape);
-    let out = run(tracked.clone());
-    let weights = numbers(6, out.dims()[0], -1.0..1.0);
-    let grad = gradient(&tracked, &backward(out, &weights));
-    check_gradient("image", &image, &grad, 1e-3, |image| {
-        dot(&values(run(tensor(image, shape))), &weights)
-    });
+    check_operation(stack_with(MODES[0], &layers), &image, [height, width]);
 }
 
 #[test]

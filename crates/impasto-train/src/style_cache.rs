@@ -80,7 +80,8 @@ pub(crate) struct Cache {
 
 impl Cache {
     /// Reads the records that `folder` holds for `subject` (a style folder with the settings that
-    /// change its statistics). `warn` hears of a damaged file; what is whole of it is used.
+    /// change its statistics). `warn` hears of a damaged file, of which
+    /// what lies before the damage is used.
     pub(crate) fn open(folder: Option<&Path>, subject: Hash, warn: &mut dyn FnMut(String)) -> Self {
         let Some(folder) = folder else {
             return Self::default();

@@ -119,15 +119,8 @@ pub fn train(
     let paintings = options.styles.as_deref();
     let paintings = paintings.map(StyleFolder::of_paintings).transpose()?;
     let encoder = options.encoder.as_deref().map(read_encoder).transpose()?;
-    // Before anything is written: a style stage needs its networks, and what it continues.
-    if options.stages != Stages::Geometry {
-        options.config.style.perceptual.load()?;
-        options.config.encoder(encoder.clone())?;
-    }
-    let trained = match options.stages {
-        Stages::Style => Some(continued(options, &scene)?),
-        Stages::All | Stages::Geometry => None,
-    };
+    // Before anything is written.
+    let trained = continued(options, &scene, encoder.clone())?;
     let mut log = Log::create(&options.output, sink)?;
     let found = paintings.as_ref().map_or(0, |folder| folder.files.len());
     let listed = paintings.as_ref().map_or(0, |f| f.unreadable.len());
@@ -168,11 +161,24 @@ pub fn train(
     })
 }
 
-/// The model whose style stage is to run.
-fn continued(options: &TrainOptions, scene: &Scene) -> Result<ModelFile, TrainError> {
+/// The model whose style stage is to run, if that is all; that a style stage can have its networks
+/// is checked.
+fn continued(
+    options: &TrainOptions,
+    scene: &Scene,
+    encoder: Option<StyleVae>,
+) -> Result<Option<ModelFile>, TrainError> {
+    if options.stages == Stages::Geometry {
+        return Ok(None);
+    }
+    options.config.style.perceptual.load()?;
+    options.config.encoder(encoder)?;
+    if options.stages == Stages::All {
+        return Ok(None);
+    }
     let file = ModelFile::load(&options.output.join(MODEL_FILE), &Device::flex())?;
     check_same_scene(&file, scene)?;
-    Ok(file)
+    Ok(Some(file))
 }
 
 fn loaded(scene: &Scene, paintings: usize) -> Event {

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod common;
+
 use burn::tensor::Device;
 use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
 use impasto_paintings::{Family, Recipe, paint};
@@ -15,16 +17,7 @@ use impasto_train::{
 };
 
 fn small() -> TrainConfig {
-    let mut config = TrainConfig::fast();
-    for volume in [&mut config.field.inner, &mut config.field.outer] {
-        volume.encoding = EncodingConfig::HashGrid {
-            levels: 6,
-            features: 4,
-            log2_entries: 12,
-            coarsest: 8.0,
-            finest: 128.0,
-        };
-    }
+    let mut config = common::with_grids(6, 12, 128.0);
     config.field.sampling.inner_step = 0.03;
     config.field.sampling.outer_steps = 32;
     config.field.sampling.inner_grid = 24;

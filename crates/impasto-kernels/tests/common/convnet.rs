@@ -1,7 +1,9 @@
 //! The perceptual stack's slow twin, and small random stacks.
 
-use super::numbers;
-use impasto_kernels::{Border, ConvLayer, OddEnd, PerceptualStack};
+use super::*;
+use burn::tensor::Tensor;
+use impasto_kernels::{Border, ConvLayer, OddEnd, PerceptualStack, ops};
+use std::sync::Arc;
 
 /// One convolution of a test's stack.
 pub struct Conv {
@@ -185,4 +187,17 @@ pub fn small_vgg(seed: u64) -> Vec<Conv> {
 /// not full, and a small image behind the pool.
 pub fn wide_stack(seed: u64) -> Vec<Conv> {
     random_stack(seed, &[40, 70, 130, 36], &[3], &[1, 3])
+}
+
+/// Checks the gradient of the stack as an operation by central differences.
+pub fn check_operation(stack: PerceptualStack, image: &[f32], [height, width]: [usize; 2]) {
+    let (stack, shape) = (Arc::new(stack), [height, width, 3]);
+    let run = |image: Tensor<3>| ops::perceptual(image, Arc::clone(&stack));
+    let tracked = leaf(image, shape);
+    let out = run(tracked.clone());
+    let weights = numbers(6, out.dims()[0], -1.0..1.0);
+    let grad = gradient(&tracked, &backward(out, &weights));
+    check_gradient("image", image, &grad, 1e-3, |image| {
+        dot(&values(run(tensor(image, shape))), &weights)
+    });
 }

@@ -12,18 +12,24 @@ use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_train::{Budget, Stages, TrainConfig, TrainOptions};
 use std::path::Path;
 
-/// Sizes that train in no time.
-pub fn small() -> TrainConfig {
+/// The fast preset with small hash grids.
+pub fn with_grids(levels: usize, log2_entries: u32, finest: f32) -> TrainConfig {
     let mut config = TrainConfig::fast();
     for volume in [&mut config.field.inner, &mut config.field.outer] {
         volume.encoding = EncodingConfig::HashGrid {
-            levels: 4,
+            levels,
             features: 4,
-            log2_entries: 10,
+            log2_entries,
             coarsest: 8.0,
-            finest: 64.0,
+            finest,
         };
     }
+    config
+}
+
+/// Sizes that train in no time.
+pub fn small() -> TrainConfig {
+    let mut config = with_grids(4, 10, 64.0);
     config.field.sampling.inner_grid = 16;
     config.field.sampling.outer_grid = 16;
     config.geometry.samples = 5000;
