@@ -1,6 +1,9 @@
 //! The command as its users run it: wrong input, and the whole way from photos to pictures.
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+#[path = "cli/study.rs"]
+mod study;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -144,6 +147,11 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
     refused(folder.path(), "demo --out file/below", &["cannot write"]);
     refused(
         folder.path(),
+        "eval scene --styles scene -o file/below",
+        &["cannot write"],
+    );
+    refused(
+        folder.path(),
         "render scene -o file/below/x.gif",
         &["cannot write"],
     );
@@ -211,11 +219,17 @@ fn wrong_usage_exits_with_two() {
         "render m -o x.png --interpolate 3 --style p.png:1 --style p.png:1",
         "render m -o out --interpolate 3 --style p.png --style p.png",
         "render m -o x.png --interpolate 3 --frames 2 --style p.png --style p.png",
+        "eval m --styles s --reconstruct 5s",
+        "eval m --styles s --against wct --wct-weights w --reconstruct-paintings 0",
         "train-encoder",
         "train-encoder --styles s",
         "train-encoder --check",
         "train-encoder --check f --heldout h --steps 3",
         "train-encoder --styles s -o f --layers relu9",
+        "study",
+        "study make m --styles s -o out",
+        "study make m --styles s -o out --against wct",
+        "study summary out",
     ] {
         let output = impasto(folder.path(), arguments);
         assert_eq!(
@@ -296,7 +310,9 @@ fn photos_become_a_model_and_pictures() {
     several_styles_side_by_side(folder);
     strength_and_mixes(folder);
     between_styles(folder);
+    a_report(folder);
     refused_paintings(folder);
+    study::is_made_and_counted(folder);
 }
 
 fn one_style_in_a_folder(folder: &Path) {
@@ -425,6 +441,41 @@ fn between_styles(folder: &Path) {
     let (answer, square) = rendered(&four, "square.png");
     assert_eq!(answer["rows"], json!(2));
     assert_eq!(square.dimensions(), (3 * gap + 80, 3 * gap + 60 + 2 * band));
+}
+
+/// The page, the table and what was printed are all there and agree.
+fn a_report(folder: &Path) {
+    let eval = "eval model --styles paintings --frames 9 --against photo -o report --json";
+    let output = impasto(folder, eval);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let read = |name: &str| fs::read_to_string(folder.join("report").join(name)).unwrap();
+    assert_eq!(text(&output.stdout), read("report.json"));
+    let names = everything(&folder.join("report"));
+    assert_eq!(names.len(), 3, "{names:?}");
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["command"], json!(format!("impasto {eval}")));
+    assert_eq!(
+        (&found["settings"]["frame_size"], &found["synthetic"]),
+        (&json!([56, 42]), &json!(true))
+    );
+    assert!(
+        found["seconds"]
+            .as_f64()
+            .is_some_and(|seconds| seconds > 0.0)
+    );
+    // A head, and two methods' two paintings and means.
+    let table = read("report.csv");
+    assert_eq!(table.lines().count(), 1 + 2 * 3);
+    let e100 = &found["methods"]["impasto"]["short"]["e100"];
+    let mean = table.lines().find(|line| line.starts_with("mean,impasto,"));
+    let mean: f64 = mean.unwrap().split(',').nth(7).unwrap().parse().unwrap();
+    assert_eq!(json!(mean), *e100);
+    let page = read("report.html");
+    assert!(page.contains(&format!("{mean:.3}")) && page.contains("Worst pairs"));
+    // The paintings, and three pictures of each with two methods; the walk for both paintings, and
+    // unstylised.
+    assert!(page.contains("All 9 frames with the first 2 paintings"));
+    assert!(page.matches("data:image/jpeg;base64,").count() >= 2 + 2 * 2 * 2 + 3 * 9);
 }
 
 /// Sub-folders count, a second look at the same paintings is none, and a model takes the encoder.

@@ -21,9 +21,8 @@ pub fn run(_: &BenchArgs) -> Result<Answer, CliError> {
 
 fn table(report: &Report) -> String {
     let mut text = format!(
-        "{} threads, {}, peak {:.0} GFLOP/s\n{:56}{:>9}{:>10}{:>9}{:>6}{:>10}{:>8}",
-        report.threads,
-        report.instructions,
+        "{}, peak {:.0} GFLOP/s\n{:56}{:>9}{:>10}{:>9}{:>6}{:>10}{:>8}",
+        report.machine,
         report.peak_gflops,
         "",
         "ms",

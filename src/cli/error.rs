@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use impasto::eval::EvalError;
+use impasto::eval::study::StudyError;
 use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::paths::PathError;
@@ -37,6 +38,9 @@ pub enum CliError {
     /// An evaluation.
     #[error(transparent)]
     Eval(#[from] EvalError),
+    /// A study with people.
+    #[error(transparent)]
+    Study(#[from] StudyError),
     /// A camera path fitted to the capture.
     #[error("the camera path cannot be made: {0}")]
     Path(#[from] PathError),
@@ -83,6 +87,12 @@ pub enum CliError {
 }
 
 impl CliError {
+    /// A failed look at `path`.
+    pub fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        |source| Self::Read { path, source }
+    }
+
     /// A failed write to `path`.
     pub fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();

@@ -1,17 +1,25 @@
 //! `impasto eval`: how faithful a model's styles are, and how well its frames agree.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use impasto::eval::consistency::Consistency;
-use impasto::eval::methods::{Stylizer, Wct};
-use impasto::eval::{EvalOptions, Evaluation, MethodResult, evaluate};
-use impasto::scene::paths::orbit;
-use impasto::scene::{Camera, Split};
-use impasto::{Model, read_paintings};
-use serde_json::json;
+use impasto::eval::methods::Stylizer;
+use impasto::eval::report::{Report, Settings};
+use impasto::eval::{
+    EvalOptions, Evaluation, GalleryPlan, Guard, MethodResult, PHOTO, Reconstruct, evaluate,
+    small_orbit,
+};
+use impasto::{Budget, Model, read_paintings};
+use impasto_bench::Machine;
+use serde_json::Value;
 
-use super::{Answer, CliError, progress, to_json};
+use super::methods::MethodArgs;
+use super::values::{clock, duration};
+use super::{Answer, CliError, progress, run_facts, to_json};
+use crate::output::{Staging, check_folder};
 
 /// Measure how well a model takes on paintings it never saw, and how well its frames agree
 #[derive(Debug, Args)]
@@ -21,21 +29,28 @@ pub struct EvalArgs {
     /// Folder of paintings, sub-folders included, best ones that the model was not trained on
     #[arg(long, value_name = "DIR")]
     styles: PathBuf,
-    /// Methods to compare with: wct
-    #[arg(long, value_name = "METHODS", value_delimiter = ',', value_enum)]
-    against: Vec<Against>,
-    /// Networks of wct, distilled to a 16th, as a safetensors file
-    #[arg(long, value_name = "FILE", required_if_eq("against", "wct"))]
-    wct_weights: Option<PathBuf>,
+    #[command(flatten)]
+    methods: MethodArgs,
+    /// Also reconstruct the place from what the compared methods make of its training views,
+    /// training for this long, e.g. 60s
+    #[arg(long, value_name = "TIME", value_parser = duration, requires = "against")]
+    reconstruct: Option<Duration>,
+    /// Paintings to do that with, the first ones
+    #[arg(
+        long, value_name = "N", default_value_t = 1,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
+    reconstruct_paintings: u32,
     /// Frames of the orbit on which consistency is measured; 0 leaves it out
     #[arg(long, value_name = "N", default_value_t = 60)]
     frames: usize,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Against {
-    /// Whitening and colouring at four levels, frame by frame, and as a video
-    Wct,
+    /// Rays along each side of a rendered pixel: 2 takes four times as long and flickers less
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
+    supersampling: u32,
+    /// Folder for a report: a page with pictures (report.html), tables (report.csv) and what --json
+    /// prints (report.json)
+    #[arg(short, long, value_name = "REPORT_DIR")]
+    output: Option<PathBuf>,
 }
 
 /// Longest side of the walk's frames.
@@ -43,54 +58,99 @@ const LONGEST: u32 = 400;
 
 /// Runs the command.
 pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
+    let start = Instant::now();
+    if let Some(folder) = &args.output {
+        check_folder(folder)?;
+    }
     let model = Model::load(&args.model)?;
-    let read = read_paintings(&args.styles).map_err(|source| CliError::Read {
-        path: args.styles.clone(),
-        source,
-    })?;
-    let path = walk(&model, args.frames)?;
-    let wct = match (&args.wct_weights, args.against.contains(&Against::Wct)) {
-        (Some(file), true) => Some(Wct::open(file)?),
-        _ => None,
-    };
-    let against: Vec<&dyn Stylizer> = wct.iter().map(|wct| wct as &dyn Stylizer).collect();
+    let read = read_paintings(&args.styles).map_err(CliError::read(&args.styles))?;
+    let path = small_orbit(&model, args.frames, LONGEST)?;
+    let opened = args.methods.open()?;
+    let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();
     let options = EvalOptions {
         paintings: &read.named,
         path: &path,
+        supersampling: args.supersampling,
         against: &against,
+        gallery: args.output.as_ref().map(|_| GalleryPlan::default()),
+        reconstruct: args.reconstruct.map(|time| Reconstruct {
+            budget: Budget::Time(time),
+            paintings: args.reconstruct_paintings as usize,
+        }),
     };
-    let mut bar = progress::Frames::new(options.frames());
+    let mut bar = progress::Frames::titled("evaluate", options.pictures(&model));
     let evaluation = evaluate(&model, &options, &mut || bar.tick())?;
     drop(bar);
-    let quality = model.file.quality;
+    let unreadable: Vec<PathBuf> = read.unreadable.into_iter().map(|(path, _)| path).collect();
+    let report = Report {
+        evaluation: &evaluation,
+        reconstruction: model.file.quality,
+        scene: &model.file.scene.name,
+        synthetic: model.file.scene.synthetic,
+        unreadable: &unreadable,
+        settings: settings(args, &options),
+        version: env!("CARGO_PKG_VERSION"),
+        command: run_facts::command(),
+        machine: Machine::this().to_string(),
+        date: run_facts::now(),
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    let json = to_json(&report);
+    let mut text = summary(&report);
+    if let Some(folder) = &args.output {
+        let page = write(folder, &report, &json)?;
+        text += &format!("\nreport: {}", page.display());
+    }
+    Ok(Answer { text, json })
+}
+
+fn settings(args: &EvalArgs, options: &EvalOptions<'_>) -> Settings {
+    let size = options.path.first().map(|camera| camera.intrinsics);
+    Settings {
+        model: args.model.clone(),
+        styles: args.styles.clone(),
+        paintings: options.paintings.len(),
+        frames: options.path.len(),
+        frame_size: size.map(|k| [k.width, k.height]),
+        supersampling: options.supersampling,
+        against: options.against.iter().map(|m| m.name().into()).collect(),
+    }
+}
+
+/// Writes the report's files; the page's path.
+fn write(folder: &Path, report: &Report<'_>, json: &Value) -> Result<PathBuf, CliError> {
+    let page = folder.join("report.html");
+    let files = [
+        ("report.csv", report.csv()),
+        (
+            "report.html",
+            report.html().map_err(CliError::encode(&page))?,
+        ),
+        ("report.json", format!("{json}\n")),
+    ];
+    let mut staging = Staging::new(folder)?;
+    for (name, text) in files {
+        let path = staging.file(name)?;
+        fs::write(&path, text).map_err(CliError::write(&path))?;
+    }
+    staging.commit()?;
+    Ok(page)
+}
+
+fn summary(report: &Report<'_>) -> String {
+    let quality = report.reconstruction;
     let mut text = format!(
         "reconstruction: PSNR {:.2} dB, SSIM {:.3} over {} held-out views\n{}",
         quality.psnr,
         quality.ssim,
         quality.views,
-        table(&evaluation),
+        table(report.evaluation),
     );
-    if !read.unreadable.is_empty() {
-        let count = read.unreadable.len();
+    if !report.unreadable.is_empty() {
+        let count = report.unreadable.len();
         text += &format!("\n{count} files of the style folder are no readable pictures");
     }
-    let mut json = to_json(&evaluation);
-    json["synthetic"] = json!(model.file.scene.synthetic);
-    json["unreadable"] = json!(read.unreadable.iter().map(|(p, _)| p).collect::<Vec<_>>());
-    json["reconstruction"] = to_json(&quality);
-    Ok(Answer { text, json })
-}
-
-/// Cameras around the scene, in small frames of the photos' shape.
-fn walk(model: &Model, frames: usize) -> Result<Vec<Camera>, CliError> {
-    let train = model.file.scene.cameras(Split::Train);
-    let Some(first) = train.first().filter(|_| frames > 0) else {
-        return Ok(Vec::new());
-    };
-    let (width, height) = (first.intrinsics.width, first.intrinsics.height);
-    let scale = (f64::from(LONGEST) / f64::from(width.max(height))).min(1.0);
-    let size = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-    Ok(orbit(&train, frames, (size[0], size[1]))?)
+    text + &format!("\nevaluated in {}", clock(report.seconds))
 }
 
 fn table(evaluation: &Evaluation) -> String {
@@ -113,6 +173,23 @@ fn table(evaluation: &Evaluation) -> String {
                 agreement(&short),
                 agreement(&long),
             );
+            if let Some(truth) = &result.true_depth {
+                line += &format!(
+                    "\n  by true depth {} short, {} long",
+                    agreement(&truth.short),
+                    agreement(&truth.long),
+                );
+            }
+            if let Some(ratio) = result.over_photo.filter(|_| name != PHOTO) {
+                line += &format!(
+                    "\n  with contrast divided out, {} short and {} long times the photo's",
+                    times(ratio.short),
+                    times(ratio.long),
+                );
+            }
+        }
+        for failed in Guard::failed(name, result) {
+            line += &format!("\n  {failed}");
         }
         lines.push(line);
     }
@@ -129,4 +206,12 @@ fn agreement(found: &Consistency) -> String {
         found.e100,
         found.coverage * 100.0
     )
+}
+
+/// A ratio, or a dash where there is none.
+fn times(ratio: f64) -> String {
+    if ratio.is_nan() {
+        return "–".into();
+    }
+    format!("{ratio:.2}")
 }

@@ -6,10 +6,14 @@ mod demo;
 mod error;
 mod eval;
 mod info;
+mod methods;
 mod progress;
 mod render;
+mod run_facts;
 mod settings;
+mod study;
 mod train;
+mod train_baseline;
 mod train_encoder;
 mod values;
 mod weights;
@@ -37,8 +41,10 @@ enum Command {
     Demo(demo::DemoArgs),
     Train(train::TrainArgs),
     TrainEncoder(train_encoder::TrainEncoderArgs),
+    TrainBaseline(train_baseline::TrainBaselineArgs),
     Render(render::RenderArgs),
     Eval(eval::EvalArgs),
+    Study(study::StudyArgs),
     Info(info::InfoArgs),
     Weights(weights::WeightsArgs),
     Bench(bench::BenchArgs),
@@ -63,8 +69,10 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(args),
         Command::Train(args) => train::run(args),
         Command::TrainEncoder(args) => train_encoder::run(args),
+        Command::TrainBaseline(args) => train_baseline::run(args),
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Study(args) => study::run(args),
         Command::Info(args) => info::run(args),
         Command::Weights(args) => weights::run(args),
         Command::Bench(args) => bench::run(args),

@@ -216,6 +216,32 @@ fn sentence(event: &Event) -> Option<String> {
     })
 }
 
+/// Shows how many of a known number of steps are done.
+pub struct Steps {
+    face: Face,
+    steps: u64,
+    start: Instant,
+}
+
+impl Steps {
+    /// Begins.
+    pub fn new(title: &str, steps: u64) -> Self {
+        Self {
+            face: Face::new(title),
+            steps,
+            start: Instant::now(),
+        }
+    }
+
+    /// Shows that this many are done, with a measure or two.
+    pub fn show(&mut self, done: u64, measures: &str) {
+        let progress = done as f64 / self.steps.max(1) as f64;
+        let left = self.start.elapsed().as_secs_f64() * (1.0 / progress.max(1e-9) - 1.0);
+        let message = format!("step {done}  {measures}  ETA {}", clock(left));
+        self.face.show(progress, message);
+    }
+}
+
 /// Shows how many of a known number of frames are done.
 pub struct Frames {
     face: Face,
@@ -225,10 +251,15 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Begins.
+    /// Begins to render.
     pub fn new(count: usize) -> Self {
+        Self::titled("render", count)
+    }
+
+    /// Begins what else makes frames.
+    pub fn titled(title: &str, count: usize) -> Self {
         Self {
-            face: Face::new("render"),
+            face: Face::new(title),
             done: 0,
             count,
             start: Instant::now(),

@@ -38,10 +38,7 @@ pub fn configure(
 }
 
 fn read(path: &Path) -> Result<Value, CliError> {
-    let text = fs::read_to_string(path).map_err(|source| CliError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = fs::read_to_string(path).map_err(CliError::read(path))?;
     let json = path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("json"));

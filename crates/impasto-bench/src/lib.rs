@@ -1,6 +1,7 @@
 //! Times of the hot kernels, as shares of what the machine can do at all, with the plain tensor
 //! library beside them in the same run.
 
+mod machine;
 mod peak;
 mod plain;
 
@@ -9,6 +10,7 @@ use impasto_kernels::cpu::{composite, hash_grid, mlp};
 use impasto_kernels::{
     Activation, CompositeLayout, ConvLayer, HashGridSpec, MlpSpec, PerceptualStack, RaySpan,
 };
+pub use machine::Machine;
 use serde::Serialize;
 use std::hint::black_box;
 use std::time::Instant;
@@ -34,10 +36,9 @@ pub struct Timing {
 /// All timings of a machine.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// Threads used.
-    pub threads: usize,
-    /// Instruction set in use.
-    pub instructions: String,
+    /// What they were taken on.
+    #[serde(flatten)]
+    pub machine: Machine,
     /// Billions of multiplications and additions a second that all threads reach together in
     /// registers.
     pub peak_gflops: f64,
@@ -62,23 +63,6 @@ fn fastest<R>(mut f: impl FnMut() -> R) -> f64 {
     times.fold(f64::MAX, f64::min)
 }
 
-fn instructions() -> &'static str {
-    struct Lanes;
-    impl pulp::WithSimd for Lanes {
-        type Output = usize;
-        #[inline(always)]
-        fn with_simd<S: pulp::Simd>(self, _: S) -> usize {
-            S::F32_LANES
-        }
-    }
-    match pulp::Arch::new().dispatch(Lanes) {
-        16 => "16 numbers a vector (AVX-512)",
-        8 => "8 numbers a vector (AVX2)",
-        4 => "4 numbers a vector (NEON)",
-        _ => "no vectors",
-    }
-}
-
 /// Deterministic numbers in ±`size`.
 fn numbers(count: usize, size: f32) -> Vec<f32> {
     let mut state = 1u64;
@@ -99,8 +83,7 @@ fn tensor<const D: usize>(data: Vec<f32>, shape: [usize; D], device: &Device) ->
 pub fn run() -> Report {
     let peak = peak::gflops();
     let mut report = Report {
-        threads: rayon::current_num_threads(),
-        instructions: instructions().to_owned(),
+        machine: Machine::this(),
         peak_gflops: peak,
         kernels: Vec::new(),
     };

@@ -10,6 +10,8 @@ use serde::Serialize;
 pub const RANGES: [usize; 2] = [1, 7];
 /// A pair of which less can be compared is left out, and counted.
 pub const LEAST_COVERAGE: f64 = 0.2;
+/// Variance under which a frame is of one colour: a millionth of an 8-bit step, squared.
+const FLAT: f64 = 1e-11;
 
 /// How much two frames differ where both show the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,8 +20,19 @@ pub struct PairError {
     pub square: f64,
     /// The same over all pixels that have a flow.
     pub square_all: f64,
+    /// Variance of the first frame over the compared pixels: mean over them and their channels of
+    /// the squared difference to their mean colour.
+    pub variance: f64,
     /// Share of pixels compared.
     pub coverage: f64,
+}
+
+impl PairError {
+    /// E in units of the first frame's variance, which contrast does not change; `None` where the
+    /// compared pixels are of one colour.
+    pub fn relative(&self) -> Option<f64> {
+        (self.variance > 0.0).then(|| self.square / self.variance)
+    }
 }
 
 /// E of two frames, `height × width × 3` in `[0, 1]`.
@@ -31,6 +44,8 @@ pub fn pair_error(pair: &Correspondence, first: &[f32], second: &[f32]) -> PairE
     assert_eq!(first.len(), warped.len(), "two frames of a pair");
     // Sum of squares and number of pixels, of those that count and of all with a flow.
     let (mut sums, mut counts) = ([0.0f64; 2], [0u32; 2]);
+    // Colour and its square, summed over those that count.
+    let (mut colour, mut energy) = ([0.0f64; 3], 0.0f64);
     let pixels = first.chunks_exact(3).zip(warped.chunks_exact(3));
     let known = pair.mask.iter().zip(&pair.flow.vectors);
     for ((a, b), (counts_too, vector)) in pixels.zip(known) {
@@ -40,11 +55,22 @@ pub fn pair_error(pair: &Correspondence, first: &[f32], second: &[f32]) -> PairE
             sums[i] += if used { square } else { 0.0 };
             counts[i] += u32::from(used);
         }
+        for (sum, value) in colour.iter_mut().zip(a).filter(|_| *counts_too) {
+            let value = f64::from(*value);
+            *sum += value;
+            energy += value * value;
+        }
     }
     let mean = |i: usize| sums[i] / (3.0 * f64::from(counts[i].max(1)));
+    let compared = f64::from(counts[0].max(1));
+    let means: f64 = colour.iter().map(|sum| (sum / compared).powi(2)).sum();
     PairError {
         square: mean(0),
         square_all: mean(1),
+        // What is left of a frame of one colour is rounding.
+        variance: Some((energy / compared - means) / 3.0)
+            .filter(|variance| *variance > FLAT)
+            .unwrap_or_default(),
         coverage: pair.coverage(),
     }
 }
@@ -54,15 +80,19 @@ pub fn pair_error(pair: &Correspondence, first: &[f32], second: &[f32]) -> PairE
 pub struct Consistency {
     /// Mean E × 100.
     pub e100: f64,
+    /// Mean of E divided by the first frame's variance over the compared pixels (see
+    /// [`PairError::relative`]): low contrast does not lower it. Over the pairs whose first frame is
+    /// not of one colour; NaN (`null` in JSON) if all are.
+    pub relative: f64,
     /// Mean root of E.
     pub rmse: f64,
     /// The same over all pixels that have a flow, occluded or not, as later papers report it.
     pub rmse_all: f64,
-    /// Mean squared difference of VGG features (relu4_1, unweighted: not LPIPS) of a frame and the
-    /// warped other one, pixels that do not count being equal in both, over a few pairs; absent
-    /// where it was not asked for.
+    /// Mean perceptual distance of a frame and the warped other one: LPIPS' form on VGG-16 without
+    /// learned weights, not LPIPS (see [`Perceptual::unweighted_distance`]). Pixels that do not
+    /// count are equal in both; over a few pairs; absent where it was not asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub vgg: Option<f64>,
+    pub vgg_unweighted: Option<f64>,
     /// Mean share of pixels compared, of pairs that count.
     pub coverage: f64,
     /// Pairs that count.
@@ -80,12 +110,24 @@ impl Consistency {
         };
         Self {
             e100: mean(|c| c.e100),
+            relative: mean(|c| c.relative),
             rmse: mean(|c| c.rmse),
             rmse_all: mean(|c| c.rmse_all),
-            vgg: first.vgg.map(|_| mean(|c| c.vgg.unwrap_or_default())),
+            vgg_unweighted: first
+                .vgg_unweighted
+                .map(|_| mean(|c| c.vgg_unweighted.unwrap_or_default())),
             ..*first
         }
     }
+}
+
+/// One number for each of [`RANGES`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ByRange {
+    /// Neighbouring frames.
+    pub short: f64,
+    /// Frames seven apart.
+    pub long: f64,
 }
 
 /// Pairs of a walk whose perceptual distance is measured: it costs hundreds of times what the
@@ -98,6 +140,17 @@ pub struct Pairs {
     /// First and second frame, and how they correspond; only pairs that count.
     kept: Vec<([usize; 2], Correspondence)>,
     dropped: usize,
+}
+
+/// The pair that agrees least.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Worst<'a> {
+    /// First and second frame.
+    pub(crate) frames: [usize; 2],
+    /// How they correspond.
+    pub(crate) pair: &'a Correspondence,
+    /// How much they differ.
+    pub(crate) error: PairError,
 }
 
 impl Pairs {
@@ -127,6 +180,28 @@ impl Pairs {
         self.kept.iter().map(|(frames, pair)| (*frames, pair))
     }
 
+    /// The pair of largest E; the first of several. `None` if no pair counts.
+    ///
+    /// # Panics
+    /// If a frame is missing or has another size.
+    pub(crate) fn worst(&self, frames: &[RgbImage]) -> Option<Worst<'_>> {
+        let errors = self.kept.par_iter().map(|(places, pair)| {
+            let [a, b] = places.map(|i| impasto_style::picture(&frames[i]));
+            pair_error(pair, &a, &b)
+        });
+        let errors: Vec<PairError> = errors.collect();
+        let all = self.kept.iter().zip(errors);
+        let worst = all.reduce(|worst, next| match next.1.square > worst.1.square {
+            true => next,
+            false => worst,
+        });
+        worst.map(|((frames, pair), error)| Worst {
+            frames: *frames,
+            pair,
+            error,
+        })
+    }
+
     /// Consistency of frames, with the perceptual distance if there is a network for it.
     ///
     /// # Errors
@@ -148,19 +223,22 @@ impl Pairs {
                 let vgg = vgg.filter(|_| i % every == 0);
                 let [a, b] = [first, second].map(|i| impasto_style::picture(&frames[*i]));
                 let error = pair_error(pair, &a, &b);
-                let perceptual = vgg.map(|vgg| perceptual(pair, vgg, a, &b)).transpose()?;
+                let perceptual = vgg.map(|vgg| perceptual(pair, vgg, &a, &b)).transpose()?;
                 Ok((error, perceptual))
             })
             .collect::<Result<Vec<_>, StyleError>>()?;
         // Of no pair there is no mean, which is no agreement either.
         let n = errors.len() as f64;
         let mean = |get: fn(&PairError) -> f64| errors.iter().map(|(e, _)| get(e)).sum::<f64>() / n;
-        let distances: Vec<f64> = errors.iter().filter_map(|(_, vgg)| *vgg).collect();
+        let average = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+        let relative = errors.iter().filter_map(|(error, _)| error.relative());
+        let distances = errors.iter().filter_map(|(_, distance)| *distance);
         Ok(Consistency {
             e100: 100.0 * mean(|e| e.square),
+            relative: average(relative.collect()),
             rmse: mean(|e| e.square.sqrt()),
             rmse_all: mean(|e| e.square_all.sqrt()),
-            vgg: vgg.map(|_| distances.iter().sum::<f64>() / distances.len() as f64),
+            vgg_unweighted: vgg.map(|_| average(distances.collect())),
             coverage: mean(|e| e.coverage),
             pairs: errors.len(),
             dropped: self.dropped,
@@ -168,11 +246,11 @@ impl Pairs {
     }
 }
 
-/// Squared difference of features of a frame and of the other one warped onto it.
+/// Perceptual distance of a frame and the other one warped onto it.
 fn perceptual(
     pair: &Correspondence,
     vgg: &Perceptual,
-    first: Vec<f32>,
+    first: &[f32],
     second: &[f32],
 ) -> Result<f64, StyleError> {
     let mut warped = pair.warped(second);
@@ -181,15 +259,11 @@ fn perceptual(
             warped[3 * i..3 * i + 3].copy_from_slice(&first[3 * i..3 * i + 3]);
         }
     }
-    let size = (pair.flow.height, pair.flow.width);
-    let [a, b] = [first, warped].map(|image| vgg.features(&image, size.0, size.1));
-    let (a, b) = (a?.content, b?.content);
-    let squares = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2));
-    Ok(squares.sum::<f64>() / a.len().max(1) as f64)
+    vgg.unweighted_distance([first, &warped], pair.flow.height, pair.flow.width)
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
     use super::*;
@@ -200,7 +274,7 @@ mod tests {
     const DEPTH: f32 = 2.0;
 
     /// Pairs of a sideways walk along a wall.
-    fn pairs(frames: usize, range: usize, step: f64) -> Pairs {
+    pub(crate) fn pairs(frames: usize, range: usize, step: f64) -> Pairs {
         let depth = [DEPTH; 40 * 30];
         Pairs::new(frames, range, |a, b| {
             let cameras = [a, b].map(|i| camera(step * i as f64));
@@ -213,7 +287,7 @@ mod tests {
     }
 
     /// The wall, painted with a ramp, from along the walk; with noise of its own in each frame.
-    fn frames(count: usize, step: f64, noise: u8) -> Vec<RgbImage> {
+    pub(crate) fn frames(count: usize, step: f64, noise: u8) -> Vec<RgbImage> {
         let shade = |frame: usize, x: u32, y: u32| {
             let along = f64::from(x) + 20.0 * step * frame as f64;
             let random = (x * 31 + y * 17 + frame as u32 * 101).wrapping_mul(2_654_435_761) >> 24;
@@ -241,6 +315,63 @@ mod tests {
     }
 
     #[test]
+    fn the_worst_pair_is_the_one_with_the_stained_frame() {
+        let walk = pairs(6, 1, 0.05);
+        let mut frames = frames(6, 0.05, 8);
+        let worst = |frames: &[RgbImage]| walk.worst(frames).unwrap();
+        // The last frame is compared with the one before it alone.
+        (5..20).for_each(|x| frames[5].put_pixel(x, 15, Rgb([255, 0, 0])));
+        assert_eq!(worst(&frames).frames, [5, 4]);
+        let all = walk.consistency(&frames, None).unwrap();
+        assert!(100.0 * worst(&frames).error.square > all.e100);
+        frames[0] = RgbImage::from_pixel(40, 30, Rgb([0, 255, 0]));
+        assert_eq!(worst(&frames).frames, [1, 0]);
+        assert!(pairs(1, 1, 0.05).worst(&frames).is_none());
+    }
+
+    #[test]
+    fn contrast_is_divided_out_and_noise_is_not() {
+        let pairs = pairs(5, 1, 0.05);
+        let of = |frames: &[RgbImage]| pairs.consistency(frames, None).unwrap();
+        let noisy = |noise| frames(5, 0.05, noise);
+        let [mut pale, mut strong] = [noisy(20), noisy(20)];
+        for (pale, strong) in pale.iter_mut().zip(&mut strong) {
+            pale.pixels_mut().for_each(|p| p.0 = p.0.map(|v| v / 2));
+            strong.pixels_mut().for_each(|p| p.0 = p.0.map(|v| v & !1));
+        }
+        let (once, twice) = (of(&pale), of(&strong));
+        assert!((twice.e100 / once.e100 - 4.0).abs() < 1e-3);
+        assert!((twice.relative / once.relative - 1.0).abs() < 1e-4);
+        let rising = [0, 10, 20, 40].map(|noise| of(&noisy(noise)).relative);
+        assert!(
+            rising[0] < 1e-9 && rising.is_sorted_by(|a, b| a < b),
+            "{rising:?}"
+        );
+        let flat = vec![RgbImage::from_pixel(40, 30, Rgb([90, 60, 130])); 5];
+        assert!(
+            of(&flat).relative.is_nan(),
+            "agreement of nothing is not measured"
+        );
+    }
+
+    #[test]
+    fn the_variance_is_that_of_the_compared_pixels() {
+        let pair = pairs(2, 1, 0.05).kept.remove(0).1;
+        // Half black, half of one colour; what is not compared does not matter.
+        let mut frame = vec![0.0f32; 40 * 30 * 3];
+        for (i, pixel) in frame.chunks_exact_mut(3).enumerate() {
+            match pair.mask[i] {
+                true if i / 40 < 15 => pixel.copy_from_slice(&[0.2, 0.4, 0.0]),
+                true => {}
+                false => pixel.fill(1.0),
+            }
+        }
+        let found = pair_error(&pair, &frame, &frame).variance;
+        // Of a half, (a − a/2)² everywhere.
+        assert!((found - (0.01 + 0.04) / 3.0).abs() < 1e-8, "{found}");
+    }
+
+    #[test]
     fn pairs_that_share_too_little_are_dropped_and_counted() {
         // Seven frames apart, 35 of 40 columns have left the image.
         let pairs = pairs(9, 7, 0.25);
@@ -256,7 +387,7 @@ mod tests {
         let mut same = frames(2, 0.05, 0);
         let of = |frames: &[RgbImage]| {
             let found = pairs.consistency(frames, Some(&vgg)).unwrap();
-            found.vgg.unwrap()
+            found.vgg_unweighted.unwrap()
         };
         assert!(of(&same) < 1e-6);
         assert!(of(&frames(2, 0.05, 60)) > 1e-3);

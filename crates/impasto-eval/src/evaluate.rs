@@ -1,22 +1,24 @@
 //! A whole evaluation: every method judged by its fidelity and by its consistency, each of which is
 //! worth nothing without the other.
 
-use crate::consistency::Consistency;
+use crate::bench::{Bench, GROUP};
+use crate::consistency::{ByRange, Consistency};
 use crate::fidelity::{Judge, PaintingResult, StyleFidelity};
+use crate::gallery::{Gallery, GalleryPlan};
 use crate::methods::{Stylizer, UNAVAILABLE};
+use crate::reconstruct::{HOW, Reconstruct, photos, reconstructed};
 use crate::walk::{Walk, Walked, views};
 use image::RgbImage;
 use impasto_scene::{Camera, Split};
 use impasto_style::{Perceptual, StyleError};
-use impasto_train::{Look, Model};
-use rayon::prelude::*;
+use impasto_train::Model;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// The stylised field's name among the methods.
-const OURS: &str = "impasto";
-/// The unstylised render's: the floor of every consistency.
-const PHOTO: &str = "photo";
+pub(crate) const OURS: &str = "impasto";
+/// The unstylised render's name among the methods: the floor of every consistency.
+pub const PHOTO: &str = "photo";
 
 /// What to evaluate on.
 #[derive(Clone, Copy)]
@@ -25,8 +27,14 @@ pub struct EvalOptions<'a> {
     pub paintings: &'a [(String, RgbImage)],
     /// Cameras of a walk for consistency, in scene space, of one size; none to leave it out.
     pub path: &'a [Camera],
+    /// Rays along each side of a rendered pixel, see [`Model::render_smooth`].
+    pub supersampling: u32,
     /// Two-dimensional methods to compare with, each also as a video.
     pub against: &'a [&'a dyn Stylizer],
+    /// Pictures to keep for a report; none to save their memory.
+    pub gallery: Option<GalleryPlan>,
+    /// Whether and how to reconstruct the place from what those methods make of its photos too.
+    pub reconstruct: Option<Reconstruct>,
 }
 
 /// What a method came to, mean over paintings.
@@ -41,6 +49,14 @@ pub struct MethodResult {
     /// Agreement of frames seven apart.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub long: Option<Consistency>,
+    /// How much less the frames agree than the unstylised ones: the ratio of the two
+    /// [`Consistency::relative`], so that contrast counts in neither. 1 for the photo; NaN (`null`
+    /// in JSON) where one of them has none, or the unstylised frames agree perfectly.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub over_photo: Option<ByRange>,
+    /// Agreement by true depth, on the built-in scene only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub true_depth: Option<TrueDepth>,
     /// The same as papers without geometry measure it (Lai et al. 2018): by flow estimated from the
     /// unstylised frames.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -48,6 +64,17 @@ pub struct MethodResult {
     /// Gradient energy of the walk's frames, relative to the unstylised ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharpness: Option<f64>,
+}
+
+/// Consistency by the depth that the scene really has, instead of by the model's.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct TrueDepth {
+    /// Neighbouring frames.
+    pub short: Consistency,
+    /// Frames seven apart.
+    pub long: Consistency,
+    /// E × 100 by true depth less E × 100 by the model's.
+    pub difference: ByRange,
 }
 
 /// Consistency by estimated flow.
@@ -68,8 +95,18 @@ pub struct Evaluation {
     pub unavailable: BTreeMap<&'static str, &'static str>,
     /// Where flow comes from.
     pub flow: &'static str,
+    /// What the methods named `…_reconstructed` were reconstructed from, if there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reconstructed: Option<&'static str>,
+    /// Median difference of rendered to true depth along the walk, relative to the latter and where
+    /// it is finite; on the built-in scene only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth_error: Option<f64>,
     /// Frames of the walk.
     pub frames: usize,
+    /// What was kept to be looked at.
+    #[serde(skip)]
+    pub gallery: Option<Gallery>,
 }
 
 /// Why an evaluation is impossible.
@@ -81,21 +118,20 @@ pub enum EvalError {
     /// There is no view or no painting to compare.
     #[error("there is nothing to evaluate: no held-out view or no painting")]
     Nothing,
+    /// The place cannot be learned again.
+    #[error("this model knows no training views to reconstruct from: train it again")]
+    NoTrainingViews,
     /// A picture or an asset is unusable.
     #[error(transparent)]
     Style(#[from] StyleError),
 }
 
-/// Paintings rendered together: geometry is computed once for them, and their frames are all in
-/// memory.
-const GROUP: usize = 8;
-
 /// Measures how well a model paints its held-out views (or all, if none is held out) with the
 /// given paintings, and how well frames along a path agree; and the same of other methods on the
-/// unstylised renders. `tick` hears of every frame rendered, see [`EvalOptions::frames`].
+/// unstylised renders. `tick` hears of every picture, see [`EvalOptions::pictures`].
 ///
 /// # Errors
-/// If the model has no style stage, or there is nothing to compare.
+/// If the model has no style stage, or there is nothing to compare or to reconstruct from.
 pub fn evaluate(
     model: &Model,
     options: &EvalOptions<'_>,
@@ -109,96 +145,78 @@ pub fn evaluate(
         return Err(EvalError::Nothing);
     }
     let vgg = Perceptual::vgg16()?;
-    let plain = views(model, &cameras, &[&model.photo_look()], &mut || {}).remove(0);
-    let bench = Bench {
+    let plain = views(
+        (model, options.supersampling),
+        &cameras,
+        &[&model.photo_look()],
+        tick,
+    )
+    .remove(0);
+    let mut bench = Bench {
         judge: Judge::new(&vgg, paintings, &plain)?,
-        walk: Walk::new(model, path, tick),
+        walk: Walk::new((model, options.supersampling), path, tick),
         vgg: &vgg,
         plain: &plain,
+        gallery: options.gallery.map(|plan| Gallery::new(plan, paintings)),
     };
     let mut methods = BTreeMap::from([(PHOTO.to_owned(), bench.photo(paintings.len())?)]);
     let ours = bench.ours(model, (&cameras, options), tick)?;
     methods.insert(OURS.to_owned(), ours);
+    let third = options.reconstruct.filter(|_| !options.against.is_empty());
+    let third = third.map(|how| (how, photos((model, options.supersampling))));
     for stylizer in options.against {
-        let [pictures, video] = bench.other(*stylizer, paintings)?;
-        let name = stylizer.name();
-        methods.insert(name.to_owned(), pictures);
-        methods.insert(format!("{name}_temporal"), video);
+        let names = [stylizer.name().to_owned(), stylizer.video_name()];
+        let results = bench.other(*stylizer, names.each_ref(), (paintings, tick))?;
+        methods.extend(names.into_iter().zip(results));
+        if let Some((how, photos)) = &third {
+            let task = (*stylizer, *how);
+            let (name, found) =
+                reconstructed(&mut bench, (model, photos), task, (&cameras, options), tick)?;
+            methods.insert(name, found);
+        }
     }
+    compare_with_photo(&mut methods);
     Ok(Evaluation {
         methods,
         unavailable: UNAVAILABLE.into_iter().collect(),
+        depth_error: bench.walk.depth_error,
+        reconstructed: third.is_some().then_some(HOW),
         flow: "exact, from rendered depth and poses",
         frames: path.len(),
+        gallery: bench.gallery,
     })
 }
 
-/// What all methods are measured with.
-struct Bench<'a> {
-    judge: Judge<'a>,
-    walk: Walk,
-    vgg: &'a Perceptual,
-    /// The held-out views, unstylised.
-    plain: &'a [RgbImage],
-}
-
-impl Bench<'_> {
-    fn photo(&self, paintings: usize) -> Result<MethodResult, EvalError> {
-        let walked = self.walk.measure(&self.walk.frames, self.vgg)?;
-        let results = (0..paintings).map(|i| (self.judge.unstyled(i), walked));
-        Ok(MethodResult::of(results.collect(), self.plain))
-    }
-
-    fn ours(
-        &self,
-        model: &Model,
-        (cameras, options): (&[Camera], &EvalOptions<'_>),
-        tick: &mut dyn FnMut(),
-    ) -> Result<MethodResult, EvalError> {
-        let mut results = Vec::with_capacity(options.paintings.len());
-        for group in options.paintings.chunks(GROUP) {
-            let looks = group.iter().map(|(_, painting)| {
-                let inspiration = model.inspiration(painting)?;
-                model.look(&inspiration).ok_or(EvalError::Unstyled)
-            });
-            let looks: Vec<Look> = looks.collect::<Result<_, _>>()?;
-            let looks: Vec<&Look> = looks.iter().collect();
-            let painted = views(model, cameras, &looks, &mut || {});
-            let walked = views(model, options.path, &looks, tick);
-            for (painted, walked) in painted.iter().zip(&walked) {
-                let fidelity = self.judge.painting(results.len(), painted)?;
-                results.push((fidelity, self.walk.measure(walked, self.vgg)?));
-            }
-        }
-        Ok(MethodResult::of(results, self.plain))
-    }
-
-    /// Frame by frame, and as a video.
-    fn other(
-        &self,
-        stylizer: &dyn Stylizer,
-        paintings: &[(String, RgbImage)],
-    ) -> Result<[MethodResult; 2], EvalError> {
-        let (mut pictures, mut videos) = (Vec::new(), Vec::new());
-        for (i, (_, painting)) in paintings.iter().enumerate() {
-            let brush = stylizer.brush(painting);
-            let paint = |frames: &[RgbImage]| frames.par_iter().map(&brush).collect::<Vec<_>>();
-            let fidelity = self.judge.painting(i, &paint(self.plain))?;
-            let frames = paint(&self.walk.frames);
-            // A first frame is a single picture: as a video, the views are painted alike.
-            let video = self.walk.measure(&self.walk.video(&frames), self.vgg)?;
-            videos.push((fidelity.clone(), video));
-            pictures.push((fidelity, self.walk.measure(&frames, self.vgg)?));
-        }
-        Ok([pictures, videos].map(|results| MethodResult::of(results, self.plain)))
+/// Sets every method's [`MethodResult::over_photo`].
+fn compare_with_photo(methods: &mut BTreeMap<String, MethodResult>) {
+    let floor = methods
+        .get(PHOTO)
+        .and_then(|photo| photo.short.zip(photo.long));
+    let Some((short, long)) = floor else { return };
+    let ratio = |found: Consistency, floor: Consistency| {
+        let ratio = found.relative / floor.relative;
+        if ratio.is_finite() { ratio } else { f64::NAN }
+    };
+    for result in methods.values_mut() {
+        let found = result.short.zip(result.long);
+        result.over_photo = found.map(|found| ByRange {
+            short: ratio(found.0, short),
+            long: ratio(found.1, long),
+        });
     }
 }
 
 impl EvalOptions<'_> {
-    /// Frames of the walk that [`evaluate`] renders, one by one: unstylised, then with every group
-    /// of paintings.
-    pub fn frames(&self) -> usize {
-        self.path.len() * (1 + self.paintings.len().div_ceil(GROUP))
+    /// Pictures that [`evaluate`] makes one by one, of held-out views and of the walk: renders,
+    /// unstylised and then once for every group of paintings, what each compared method makes of
+    /// them with each painting, and renders of every reconstruction.
+    pub fn pictures(&self, model: &Model) -> usize {
+        let rendered = 1 + self.paintings.len().div_ceil(GROUP);
+        let painted = self.against.len() * self.paintings.len();
+        let again = self.reconstruct.map_or(0, |how| {
+            self.against.len() * how.paintings.min(self.paintings.len())
+        });
+        (held_out(model).len() + self.path.len()) * (rendered + painted + again)
     }
 }
 
@@ -212,20 +230,47 @@ fn held_out(model: &Model) -> Vec<Camera> {
     }
 }
 
+impl TrueDepth {
+    /// From what true depth says, and what the model's does.
+    fn new(([short, long], exact): ([Consistency; 2], [Consistency; 2])) -> Self {
+        Self {
+            difference: ByRange {
+                short: short.e100 - exact[0].e100,
+                long: long.e100 - exact[1].e100,
+            },
+            short,
+            long,
+        }
+    }
+}
+
 impl MethodResult {
     /// Means of results by painting, over these views.
-    fn of(results: Vec<(PaintingResult, Option<Walked>)>, views: &[RgbImage]) -> Self {
+    pub(crate) fn of(
+        mut results: Vec<(PaintingResult, Option<Walked>)>,
+        views: &[RgbImage],
+    ) -> Self {
+        for (painting, walked) in &mut results {
+            [painting.short, painting.long] = [0, 1].map(|i| walked.map(|w| w.exact[i]));
+            painting.sharpness = walked.map(|w| w.sharpness);
+        }
         let (paintings, walks): (Vec<_>, Vec<_>) = results.into_iter().unzip();
         let walks: Vec<Walked> = walks.into_iter().flatten().collect();
         let mean = |of: fn(&Walked) -> Consistency| {
             Consistency::mean(&walks.iter().map(of).collect::<Vec<_>>())
         };
         let some = !walks.is_empty();
+        let exact = some.then(|| [mean(|w| w.exact[0]), mean(|w| w.exact[1])]);
+        let truth = walks.iter().filter_map(|w| w.truth);
+        let truth: [Vec<_>; 2] = truth.map(|[short, long]| (short, long)).unzip().into();
+        let truth = (!truth[0].is_empty()).then(|| truth.map(|t| Consistency::mean(&t)));
         let sharpness = walks.iter().map(|w| w.sharpness).sum::<f64>() / walks.len().max(1) as f64;
         Self {
             fidelity: StyleFidelity::of(paintings, views.len()),
-            short: some.then(|| mean(|w| w.exact[0])),
-            long: some.then(|| mean(|w| w.exact[1])),
+            short: exact.map(|[short, _]| short),
+            long: exact.map(|[_, long]| long),
+            true_depth: truth.zip(exact).map(TrueDepth::new),
+            over_photo: None,
             estimated_flow: some.then(|| Legacy {
                 short: mean(|w| w.estimated[0]),
                 long: mean(|w| w.estimated[1]),

@@ -9,6 +9,7 @@
 //! - retrieval: the share of (view, painting) pairs whose render is nearest to its own painting
 //!   among all the paintings.
 
+use crate::consistency::Consistency;
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use impasto_style::{Features, Perceptual, Statistics, StyleError, picture};
@@ -28,6 +29,15 @@ pub struct PaintingResult {
     pub retrieved: f64,
     /// Mean squared difference of relu4_1 to the unstylised render.
     pub content_loss: f64,
+    /// Agreement of neighbouring frames in this style, by exact flow; `None` without a walk.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub short: Option<Consistency>,
+    /// Agreement of frames seven apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub long: Option<Consistency>,
+    /// Gradient energy of the walk's frames in this style, relative to the unstylised ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sharpness: Option<f64>,
 }
 
 /// Style fidelity of a method.
@@ -135,6 +145,9 @@ impl PaintingResult {
             style_gain: 0.0,
             retrieved: 0.0,
             content_loss: 0.0,
+            short: None,
+            long: None,
+            sharpness: None,
         }
     }
 

@@ -1,10 +1,11 @@
 //! A walk through a scene: frames along a path, and which of their pixels show the same.
 
-use crate::consistency::{Consistency, Pairs, RANGES};
+use crate::consistency::{Consistency, Pairs, RANGES, Worst};
 use crate::estimate::estimated;
 use crate::flow::{Correspondence, Geometry};
 use crate::methods::temporal;
 use crate::sharpness::gradient_energy;
+use crate::truth::{depth_error, depths};
 use image::RgbImage;
 use impasto_scene::Camera;
 use impasto_style::{Perceptual, StyleError};
@@ -16,6 +17,10 @@ pub(crate) struct Walk {
     pub(crate) frames: Vec<RgbImage>,
     /// By the model's depth and poses.
     exact: [Pairs; 2],
+    /// By true depth and poses, on the built-in scene.
+    truth: Option<[Pairs; 2]>,
+    /// How far the model's depth is from the true one, see [`depth_error`].
+    pub(crate) depth_error: Option<f64>,
     /// By flow estimated from the unstylised frames.
     estimated: [Pairs; 2],
     /// Gradient energy of the unstylised frames.
@@ -26,30 +31,38 @@ pub(crate) struct Walk {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Walked {
     pub(crate) exact: [Consistency; 2],
+    pub(crate) truth: Option<[Consistency; 2]>,
     pub(crate) estimated: [Consistency; 2],
     pub(crate) sharpness: f64,
 }
 
 impl Walk {
-    /// Renders the unstylised walk. `tick` hears of every finished frame.
-    pub(crate) fn new(model: &Model, path: &[Camera], tick: &mut dyn FnMut()) -> Self {
+    /// Renders the unstylised walk with `side × side` rays a pixel. `tick` hears of every finished frame.
+    pub(crate) fn new(
+        (model, side): (&Model, u32),
+        path: &[Camera],
+        tick: &mut dyn FnMut(),
+    ) -> Self {
         let photo = model.photo_look();
-        let (mut frames, mut depths) = (Vec::new(), Vec::new());
+        let (mut frames, mut rendered) = (Vec::new(), Vec::new());
         for camera in path {
-            let view = model.render(camera, &[&photo]);
+            let view = model.render_smooth(camera, &[&photo], side);
             frames.push(view.image(0));
-            depths.push(view.depth);
+            rendered.push(view.depth);
             tick();
         }
-        let geometry = |i: usize| Geometry {
-            camera: &path[i],
-            depth: &depths[i],
-        };
-        let exact = RANGES.map(|range| {
-            Pairs::new(path.len(), range, |first, second| {
-                Correspondence::exact(&geometry(first), &geometry(second))
-            })
-        });
+        let truth = depths(&model.file.scene, path);
+        Self::of_frames(path, frames, &rendered, truth.as_deref())
+    }
+
+    /// From unstylised frames along a path with their depth, and with the true one where that is
+    /// known.
+    pub(crate) fn of_frames(
+        path: &[Camera],
+        frames: Vec<RgbImage>,
+        rendered: &[Vec<f32>],
+        truth: Option<&[Vec<f32>]>,
+    ) -> Self {
         let estimated = RANGES.map(|range| {
             Pairs::new(path.len(), range, |first, second| {
                 let [there, back] = [[first, second], [second, first]]
@@ -60,7 +73,9 @@ impl Walk {
         Self {
             energy: frames.iter().map(gradient_energy).sum(),
             frames,
-            exact,
+            exact: by_depth(path, rendered),
+            depth_error: truth.map(|truth| depth_error(rendered, truth)),
+            truth: truth.map(|truth| by_depth(path, truth)),
             estimated,
         }
     }
@@ -81,9 +96,15 @@ impl Walk {
         let energy: f64 = frames.iter().map(gradient_energy).sum();
         Ok(Some(Walked {
             exact: both(&self.exact, Some(vgg))?,
+            truth: self.truth.as_ref().map(|t| both(t, None)).transpose()?,
             estimated: both(&self.estimated, None)?,
             sharpness: energy / self.energy.max(f64::MIN_POSITIVE),
         }))
+    }
+
+    /// The pairs by exact flow of largest E, at short and at long range.
+    pub(crate) fn worst(&self, frames: &[RgbImage]) -> [Option<Worst<'_>>; 2] {
+        self.exact.each_ref().map(|pairs| pairs.worst(frames))
     }
 
     /// Frames that were stylised one by one, as a video: by estimated flow, because a method of
@@ -97,17 +118,31 @@ impl Walk {
     }
 }
 
-/// Views of cameras with every look, look by look; geometry is computed once. `tick` hears of every
+/// How the frames of a path correspond, by one depth map each.
+fn by_depth(path: &[Camera], depths: &[Vec<f32>]) -> [Pairs; 2] {
+    let geometry = |i: usize| Geometry {
+        camera: &path[i],
+        depth: &depths[i],
+    };
+    RANGES.map(|range| {
+        Pairs::new(path.len(), range, |first, second| {
+            Correspondence::exact(&geometry(first), &geometry(second))
+        })
+    })
+}
+
+/// Views of cameras with every look, look by look, with `side × side` rays a pixel; geometry is
+/// computed once. `tick` hears of every
 /// camera.
 pub(crate) fn views(
-    model: &Model,
+    (model, side): (&Model, u32),
     cameras: &[Camera],
     looks: &[&Look],
     tick: &mut dyn FnMut(),
 ) -> Vec<Vec<RgbImage>> {
     let mut views = vec![Vec::with_capacity(cameras.len()); looks.len()];
     for camera in cameras {
-        let view = model.render(camera, looks);
+        let view = model.render_smooth(camera, looks, side);
         for (look, views) in views.iter_mut().enumerate() {
             views.push(view.image(look));
         }

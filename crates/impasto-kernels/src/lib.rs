@@ -13,7 +13,7 @@ pub mod ops;
 
 pub use cpu::adam::AdamStep;
 pub use cpu::composite::{CompositeLayout, RaySpan};
-pub use cpu::conv_chain::{ConvChain, FeatureMap, Resample};
+pub use cpu::conv_chain::{ChainTape, ConvChain, FeatureMap, FilterGradient, Resample};
 pub use cpu::convolution::ConvLayer;
 pub use cpu::density_grid::DensityGrid;
 pub use cpu::hash_grid::HashGridSpec;

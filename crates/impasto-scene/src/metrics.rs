@@ -144,6 +144,39 @@ mod tests {
         assert_eq!(ssim(&a, &b, 19, 14, 3), ssim(&b, &a, 19, 14, 3));
     }
 
+    /// One of three pairs of 8-bit pictures: other noise, less contrast, other brightness.
+    fn bytes(kind: usize, width: usize, height: usize) -> [Vec<f32>; 2] {
+        let pairs = (0..width * height * 3).map(|i| {
+            let (x, y, c) = (i / 3 % width, i / 3 / width, i % 3);
+            let a = (x * x * (kind + 1) + y * (17 + 5 * c) + x * y * kind + 31 * c) % 256;
+            let b = match kind {
+                0 => (a + (x * 7 + y * 3 + c * 11) % 41) % 256,
+                1 => (a * 3 + 255) / 4,
+                _ => (a + 40).saturating_sub((x * y + c) % 9 * 10).min(255),
+            };
+            (a as f32 / 255.0, b as f32 / 255.0)
+        });
+        let (a, b) = pairs.unzip();
+        [a, b]
+    }
+
+    /// Values of scikit-image 0.26.0 for the same pictures in double precision:
+    /// `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+    /// data_range=1, channel_axis=2)`. It too leaves out the border of half a window in its mean.
+    #[test]
+    fn ssim_agrees_with_scikit_image() {
+        let cases = [
+            (16, 12, 0.646_128_596_047_808_9),
+            (23, 17, 0.935_279_692_051_366_7),
+            (32, 24, 0.945_138_231_108_853_3),
+        ];
+        for (kind, (width, height, wanted)) in cases.into_iter().enumerate() {
+            let [a, b] = bytes(kind, width, height);
+            let found = ssim(&a, &b, width, height, 3);
+            assert!((found - wanted).abs() < 1e-6, "pair {kind}: {found}");
+        }
+    }
+
     #[test]
     fn ssim_needs_a_whole_window() {
         assert!(ssim(&[0.0; 300], &[0.0; 300], 10, 10, 3).is_nan());

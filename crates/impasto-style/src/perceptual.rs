@@ -4,7 +4,7 @@
 
 use crate::{StyleError, TensorFile};
 use burn::tensor::Tensor;
-use impasto_kernels::{ConvLayer, PerceptualStack, ops};
+use impasto_kernels::{ConvLayer, FeatureMap, PerceptualStack, ops};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
@@ -214,14 +214,7 @@ impl Perceptual {
         height: usize,
         width: usize,
     ) -> Result<Features, StyleError> {
-        let least = self.stack.smallest();
-        if height.min(width) < least || image.len() != height * width * 3 {
-            return Err(StyleError::TooSmall {
-                width,
-                height,
-                least,
-            });
-        }
+        self.check(image, height, width)?;
         let mut content = self.stack.forward(image, height, width).0;
         let statistics = Statistics(content.split_off(self.content_len(height, width)));
         Ok(Features {
@@ -230,13 +223,64 @@ impl Perceptual {
         })
     }
 
-    /// The same in an autodiff graph: content feature, then statistics, as one vector.
+    /// How different two images look to the network: LPIPS' form (Zhang et al. 2018) without its
+    /// learned weights. Not LPIPS, and not comparable with its values.
+    ///
+    /// At each of relu1_1, relu2_1, relu3_1 and relu4_1 the features of every pixel are scaled to
+    /// unit length; the squared length of their difference is averaged over the pixels, and the
+    /// layers are summed. From 0 to 8, for features are not negative; a pixel without features is
+    /// the zero vector. Images are `height × width × 3` in `[0, 1]`.
+    ///
+    /// # Errors
+    /// If a side has fewer than 8 pixels (VGG-19: 9).
+    pub fn unweighted_distance(
+        &self,
+        [a, b]: [&[f32]; 2],
+        height: usize,
+        width: usize,
+    ) -> Result<f64, StyleError> {
+        self.check(a, height, width)?;
+        self.check(b, height, width)?;
+        let [a, b] = [a, b].map(|image| self.stack.forward(image, height, width).1);
+        let layers = a.features().zip(b.features());
+        Ok(layers.map(|(a, b)| direction_difference(&a, &b)).sum())
+    }
+
+    fn check(&self, image: &[f32], height: usize, width: usize) -> Result<(), StyleError> {
+        let least = self.stack.smallest();
+        if height.min(width) < least || image.len() != height * width * 3 {
+            return Err(StyleError::TooSmall {
+                width,
+                height,
+                least,
+            });
+        }
+        Ok(())
+    }
+
+    /// [`Perceptual::features`] in an autodiff graph: content feature, then statistics, as one vector.
     ///
     /// # Shapes
     /// `image`: `[height, width, 3]`, at least 8 pixels a side (VGG-19: 9).
     pub fn traced(&self, image: Tensor<3>) -> Tensor<1> {
         ops::perceptual(image, Arc::clone(&self.stack))
     }
+}
+
+/// Mean over pixels of the squared difference of their features' directions.
+fn direction_difference(a: &FeatureMap, b: &FeatureMap) -> f64 {
+    let unit = |pixel: &[f32]| {
+        let square: f32 = pixel.iter().map(|v| v * v).sum();
+        square.max(f32::MIN_POSITIVE).sqrt().recip()
+    };
+    let pixels = a.data.chunks_exact(a.channels);
+    let pairs = pixels.zip(b.data.chunks_exact(b.channels));
+    let squares = pairs.map(|(a, b)| {
+        let (to_a, to_b) = (unit(a), unit(b));
+        let squares = a.iter().zip(b).map(|(a, b)| (a * to_a - b * to_b).powi(2));
+        f64::from(squares.sum::<f32>())
+    });
+    squares.sum::<f64>() / (a.height * a.width).max(1) as f64
 }
 
 /// Divides a layer's outputs by `scale`, when its inputs were divided by `inputs` before.
@@ -255,5 +299,61 @@ fn reverse_channels(weight: &mut [f32]) {
         for tap in 0..9 {
             filter.swap(tap, 18 + tap);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+
+    #[test]
+    fn the_unweighted_distance_compares_directions_of_features() {
+        // Two layers that pass red and green on.
+        let mut first = vec![0.0; 2 * 3 * 9];
+        (first[4], first[3 * 9 + 9 + 4]) = (1.0, 1.0);
+        let mut second = vec![0.0; 2 * 2 * 9];
+        (second[4], second[2 * 9 + 9 + 4]) = (1.0, 1.0);
+        let layers = vec![
+            ConvLayer::new(&first, vec![0.0; 2], false, true),
+            ConvLayer::new(&second, vec![0.0; 2], true, true),
+        ];
+        let network = Perceptual::of_stack(PerceptualStack::new(layers, 255.0, [0.0; 3]));
+        let distance = |a: [f32; 3], b: [f32; 3]| {
+            let [a, b] = [a, b].map(|colour| colour.repeat(4 * 6));
+            network.unweighted_distance([&a, &b], 4, 6).unwrap()
+        };
+        let near = |found: f64, wanted: f64| (found - wanted).abs() < 1e-6;
+        let (red, green) = ([1.0, 0.0, 0.3], [0.0, 1.0, 0.9]);
+        // Of each of the two layers.
+        assert!(near(distance(red, green), 2.0 * 2.0));
+        assert!(near(distance(red, [0.5, 0.0, 0.0]), 0.0));
+        let yellow = 2.0 - 2.0 * 0.5f64.sqrt();
+        assert!(near(distance(red, [0.7, 0.7, 0.0]), 2.0 * yellow));
+        assert!(near(distance(red, [0.0; 3]), 2.0));
+        assert!(network.unweighted_distance([&[0.0; 6]; 2], 1, 2).is_err());
+    }
+
+    #[test]
+    fn the_unweighted_distance_grows_with_blur() {
+        let vgg = Perceptual::vgg16().unwrap();
+        let stripes = image::RgbImage::from_fn(40, 32, |x, y| {
+            image::Rgb([(x * 53 % 200) as u8, (y * 37 % 180) as u8, 90])
+        });
+        let sharp = crate::picture(&stripes);
+        let distance = |sigma: f32| {
+            let soft = crate::picture(&image::imageops::blur(&stripes, sigma));
+            let there = vgg.unweighted_distance([&sharp, &soft], 32, 40).unwrap();
+            let back = vgg.unweighted_distance([&soft, &sharp], 32, 40).unwrap();
+            assert!((there - back).abs() < 1e-6);
+            there
+        };
+        let rising = [0.6, 1.0, 2.0].map(distance);
+        assert!(
+            rising.is_sorted_by(|a, b| a < b) && rising[0] > 0.01 && rising[2] < 8.0,
+            "{rising:?}"
+        );
+        assert!(vgg.unweighted_distance([&sharp; 2], 32, 40).unwrap() < 1e-9);
     }
 }

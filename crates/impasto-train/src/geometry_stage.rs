@@ -2,6 +2,7 @@
 
 use crate::budget::Clock;
 use crate::config::{GeometryConfig, TrainConfig};
+use crate::model_file::ModelFile;
 use crate::painted::add_gradients;
 use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
 use burn::tensor::{Device, Tensor};
@@ -11,7 +12,7 @@ use impasto_field::{
     contracted_distance, loss::Wanted, render::host,
 };
 use impasto_kernels::ops::AdamParam;
-use impasto_scene::{Camera, Scene, Split};
+use impasto_scene::{Camera, Photo, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::borrow::Cow;
@@ -115,6 +116,29 @@ fn in_order<'a>(weights: &'a FieldWeights, app: &'a Appearance) -> Vec<&'a Tenso
 impl GeometryStage {
     /// Prepares a scene's training photos.
     pub fn new(scene: &Scene, config: &TrainConfig, seed: u64, device: &Device) -> Self {
+        let photos: Vec<&Photo> = scene.train().map(|(_, photo)| photo).collect();
+        let mut stage = Self::of_photos(&photos, config, seed, device);
+        stage.surfaces = known_surfaces(scene);
+        stage
+    }
+
+    /// Continues from what a model has learned, on these photos of its place.
+    pub(crate) fn continued(file: &ModelFile, photos: &[&Photo], device: &Device) -> Self {
+        let mut stage = Self::of_photos(photos, &file.config, file.seed, device);
+        let mut weights = file.weights.clone();
+        let coarse = weights.coarse.take();
+        let fine = stage.levels.len() - 1;
+        stage.levels[fine] = Params::new(weights, &file.photo_app);
+        if let (Some(coarse), [first, _]) = (coarse, &mut stage.levels[..]) {
+            // A model does not keep what colours its first field had in training.
+            let (_, app) = first.leaves(AdamParam::value);
+            *first = Params::new(*coarse, &app);
+        }
+        stage.grids = file.grids.clone();
+        stage
+    }
+
+    fn of_photos(photos: &[&Photo], config: &TrainConfig, seed: u64, device: &Device) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed);
         let field = Field::new(config.field.clone());
         let mut weights = field.init(&mut rng, device);
@@ -125,15 +149,15 @@ impl GeometryStage {
         };
         let coarse = weights.coarse.take().map(|coarse| params(*coarse));
         let levels = coarse.into_iter().chain([params(weights)]).collect();
-        let cameras = scene.cameras(Split::Train);
+        let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
         let visible = field.visible(|point| seen_by_any(&cameras, point));
         Self {
             levels,
             grids: field.grids(FIRST_DENSITY, Some(&visible)),
             visible,
             config: config.geometry.clone(),
-            photos: crate::rays::photo_rays(scene.train().map(|(_, p)| p)),
-            surfaces: known_surfaces(scene),
+            photos: crate::rays::photo_rays(photos.iter().copied()),
+            surfaces: Vec::new(),
             field,
             rng,
             step: 0,

@@ -20,6 +20,7 @@ mod palette;
 mod patches;
 mod progress;
 mod rays;
+mod refit;
 mod style_cache;
 mod style_folder;
 mod style_stage;

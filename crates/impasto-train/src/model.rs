@@ -103,6 +103,10 @@ impl Model {
         }
     }
 
+    pub(crate) fn device(&self) -> &Device {
+        &self.device
+    }
+
     /// Whether it can be painted: the style stage has run.
     pub fn has_style(&self) -> bool {
         self.file.style.is_some()
@@ -193,6 +197,15 @@ impl Model {
         }
     }
 
+    /// [`Self::render`] with `side × side` rays a pixel, whose colours are averaged: paint that is
+    /// finer than a pixel flickers otherwise. Costs `side²` times as much.
+    pub fn render_smooth(&self, camera: &Camera, looks: &[&Look], side: u32) -> RenderedView {
+        let side = side.max(1);
+        let k = &camera.intrinsics;
+        let large = camera.resized(k.width * side, k.height * side);
+        self.render(&large, looks).reduced(side as usize)
+    }
+
     /// Renders a view with every look; geometry is computed once.
     pub fn render(&self, camera: &Camera, looks: &[&Look]) -> RenderedView {
         let rays = CameraRays::new(camera, None);
@@ -219,9 +232,61 @@ impl Model {
     }
 }
 
+impl RenderedView {
+    /// The view on a grid `side` times as coarse: colours are means; a depth is the lower median,
+    /// so that it is one that was there and not between a thing and what is behind it.
+    fn reduced(self, side: usize) -> Self {
+        if side == 1 {
+            return self;
+        }
+        let (width, height) = (self.width / side, self.height / side);
+        // The index of every pixel's rays in turn.
+        let rays = |pixel: usize| {
+            let (top, left) = (pixel / width * side, pixel % width * side);
+            (0..side * side).map(move |i| (top + i / side) * self.width + left + i % side)
+        };
+        let pixels = self.pixels.iter().map(|large| {
+            let mean = |pixel: usize| {
+                [0, 1, 2].map(|c| {
+                    let sum: f32 = rays(pixel).map(|ray| large[3 * ray + c]).sum();
+                    sum / (side * side) as f32
+                })
+            };
+            (0..width * height).flat_map(mean).collect()
+        });
+        let depth = |pixel: usize| {
+            let mut depths: Vec<f32> = rays(pixel).map(|ray| self.depth[ray]).collect();
+            depths.sort_by(f32::total_cmp);
+            depths[(depths.len() - 1) / 2]
+        };
+        Self {
+            pixels: pixels.collect(),
+            depth: (0..width * height).map(depth).collect(),
+            width,
+            height,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reduced_view_has_mean_colours_and_depths_that_were_there() {
+        let view = RenderedView {
+            width: 4,
+            height: 2,
+            pixels: vec![(0..24).map(|i| i as f32).collect()],
+            depth: vec![1.0, 9.0, 5.0, 6.0, 2.0, 8.0, 7.0, 5.5],
+        };
+        let found = view.clone().reduced(2);
+        assert_eq!((found.width, found.height), (2, 1));
+        // Rays 0, 1, 4 and 5: their first channels are 0, 3, 12 and 15.
+        assert_eq!(found.pixels[0], [7.5, 8.5, 9.5, 13.5, 14.5, 15.5]);
+        assert_eq!(found.depth, [2.0, 5.5]);
+        assert_eq!(view.clone().reduced(1).pixels, view.pixels);
+    }
 
     #[test]
     fn mixed_inspirations_lie_between_by_weight() {

@@ -12,8 +12,8 @@ use impasto_scene::{LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::config::StyleConfig;
 use impasto_train::{
-    Budget, Clock, Event, Frozen, GeometryStage, Model, ModelFile, ModelScene, Quality, Stages,
-    StyleReport, StyleSet, StyleStage, TrainConfig, TrainOptions, photo_rays, train,
+    Budget, Clock, Event, Frozen, GeometryStage, Model, ModelFile, ModelPhoto, ModelScene, Quality,
+    Stages, StyleReport, StyleSet, StyleStage, TrainConfig, TrainOptions, photo_rays, train,
 };
 
 fn small() -> TrainConfig {
@@ -121,6 +121,37 @@ fn geometry_stage_learns_one_photo_by_heart() {
         view.depth.iter().all(|d| *d > 0.0),
         "every ray meets something"
     );
+}
+
+#[test]
+fn a_model_is_refitted_to_other_pictures_of_its_views() {
+    let (_dir, scene) = capture(3);
+    for config in [small(), small_paper()] {
+        let mut file = reconstruct(&scene, &config, 60);
+        let photos = scene.photos.iter().map(|photo| ModelPhoto {
+            name: photo.name.clone(),
+            split: photo.split,
+            camera: photo.camera,
+        });
+        file.scene.photos = photos.collect();
+        let model = Model::from_file(file, Device::flex());
+        // Half as large as the photos, and of one colour.
+        let colour = [200, 40, 90];
+        let picture = image::RgbImage::from_pixel(32, 24, image::Rgb(colour));
+        let refitted = model.refitted(vec![picture.clone(); 2], Budget::Steps(120));
+        let refitted = refitted.unwrap();
+        let camera = scene.photos[1].camera;
+        let off = |model: &Model| {
+            let view = model.render(&camera, &[&model.photo_look()]);
+            let pixels = view.pixels[0].iter().zip(colour.into_iter().cycle());
+            let off = pixels.map(|(v, c)| (v - f32::from(c) / 255.0).abs());
+            off.sum::<f32>() / view.pixels[0].len() as f32
+        };
+        let (before, after) = (off(&model), off(&refitted));
+        assert!(before > 0.15 && after < 0.05, "{before} {after}");
+        assert!(!refitted.has_style());
+        assert!(model.refitted(vec![picture; 1], Budget::Steps(1)).is_none());
+    }
 }
 
 /// Losses of a style stage on one generated painting.

@@ -35,7 +35,7 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
         return Err(CliError::Refused("there is no such view".into()));
     };
     let looks: Vec<&Look> = looks.iter().collect();
-    let rendered = render(&model, &view.camera, &looks, args.strength);
+    let rendered = render(&model, &view.camera, &looks, args);
     let pictures: Vec<RgbImage> = (0..rows * count).map(|i| rendered.image(i)).collect();
     let sheet = labelled(&pictures, count, &names);
     write_file(&args.output, |path| picture::save_png(&sheet, path))?;

@@ -78,10 +78,7 @@ pub fn views(
             spread(path.len(), frames).map(place).collect()
         }
         ViewSource::File(path) => {
-            let text = fs::read_to_string(path).map_err(|source| CliError::Read {
-                path: path.clone(),
-                source,
-            })?;
+            let text = fs::read_to_string(path).map_err(CliError::read(path))?;
             let options = KeyframeOptions {
                 cameras: &train,
                 normalisation: &scene.normalisation,

@@ -1,7 +1,6 @@
 //! `impasto weights --add`: from a checkpoint to an installed network.
 
 use std::fs::{self, File};
-use std::io;
 use std::path::Path;
 
 use image::RgbImage;
@@ -35,8 +34,8 @@ pub fn run(file: &Path, folder: &Path) -> Result<Answer, CliError> {
 
 /// Installs the checkpoint in `file`, which messages call `name`.
 pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliError> {
-    let open = || File::open(file).map_err(unreadable(file));
-    check_named_digest(name, || sha256(open()?).map_err(unreadable(file)))?;
+    let open = || File::open(file).map_err(CliError::read(file));
+    check_named_digest(name, || sha256(open()?).map_err(CliError::read(file)))?;
     let mut checkpoint = Checkpoint::read(name, open()?)?;
     let (form, tensors) = (checkpoint.form(), checkpoint.len());
     // A copy from another machine's folder is installed as it is.
@@ -44,7 +43,7 @@ pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliErro
     let (bytes, facts, pictures) = match copied.flatten() {
         Some(facts) => {
             console::note(format_args!("{name}: an installed VGG-19"));
-            let bytes = fs::read(file).map_err(unreadable(file))?;
+            let bytes = fs::read(file).map_err(CliError::read(file))?;
             (bytes, facts, 0)
         }
         None => {
@@ -95,11 +94,6 @@ fn pictures_for(scheme: Scheme) -> Vec<RgbImage> {
         .into_iter()
         .map(|camera| render(&camera).pixels);
     paintings.chain(photos).collect()
-}
-
-fn unreadable(file: &Path) -> impl FnOnce(io::Error) -> CliError {
-    let path = file.to_owned();
-    |source| CliError::Read { path, source }
 }
 
 /// The beginning of a file's SHA-256 in its name, as PyTorch names files: `vgg19-dcbb9e9d.pth`.

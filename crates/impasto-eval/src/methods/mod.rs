@@ -1,21 +1,41 @@
 //! Two-dimensional style transfer to compare with, applied to unstylised renders frame by frame,
 //! and with the frame before it as a video.
 
+mod adain;
+mod pictures;
 mod wct;
 
+pub use adain::{AdaIn, AdaInReport, AdaInTraining, train_adain};
 pub use wct::Wct;
 
 use crate::flow::Correspondence;
 use image::RgbImage;
+use impasto_style::StyleError;
+use std::path::Path;
+
+/// What the name of a method's video variant ends with.
+pub(crate) const TEMPORAL: &str = "_temporal";
 
 /// A method that stylises pictures one by one.
 pub trait Stylizer: Sync {
     /// Its name in reports.
     fn name(&self) -> &'static str;
 
+    /// The name of its [`temporal`] variant.
+    fn video_name(&self) -> String {
+        format!("{}{TEMPORAL}", self.name())
+    }
+
     /// What repaints pictures in the style of `painting`; the painting is looked at once. Pictures
     /// keep their size.
     fn brush<'a>(&'a self, painting: &RgbImage) -> Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a>;
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>, StyleError> {
+    std::fs::read(path).map_err(|source| StyleError::Read {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Methods of the paper's tables that cannot be compared yet, and why.

@@ -1,9 +1,10 @@
 //! Whitening and colouring at four levels (Li et al. 2017), through small distilled encoders and
 //! decoders (Wang et al. 2020).
 
-use super::Stylizer;
-use image::imageops::{FilterType, crop_imm, resize};
-use image::{Rgb, RgbImage};
+use super::pictures::{enlarged, map_of, picture_of, reduced};
+use super::{Stylizer, bytes_of};
+use image::RgbImage;
+use image::imageops::crop_imm;
 use impasto_kernels::{ConvChain, ConvLayer, FeatureMap, Resample};
 use impasto_style::{StyleError, TensorFile};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
@@ -13,10 +14,6 @@ use std::path::Path;
 const STRENGTH: f64 = 0.6;
 /// Variance under which a direction of features counts as empty.
 const LEAST_VARIANCE: f64 = 1e-5;
-/// Sides that every level's encoder halves without a rest.
-const MULTIPLE: u32 = 8;
-/// Shorter side that paintings are looked at with.
-const PAINTING_SIDE: u32 = 256;
 
 /// Convolutions of the encoder of level 4 in order, with their output channels; those of the
 /// levels before end with `conv11`, `conv21` and `conv31`.
@@ -53,11 +50,7 @@ impl Wct {
     /// # Errors
     /// If the file cannot be read, or lacks a tensor of the expected size.
     pub fn open(path: &Path) -> Result<Self, StyleError> {
-        let bytes = std::fs::read(path).map_err(|source| StyleError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::from_bytes(&path.display().to_string(), &bytes)
+        Self::from_bytes(&path.display().to_string(), &bytes_of(path)?)
     }
 
     /// The same from memory; `name` is for messages.
@@ -150,50 +143,22 @@ impl Stylizer for Wct {
     }
 
     fn brush<'a>(&'a self, painting: &RgbImage) -> Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a> {
-        let (width, height) = painting.dimensions();
-        let scale = f64::from(PAINTING_SIDE) / f64::from(width.min(height).max(1));
-        let side = |length: u32| ((f64::from(length) * scale) as u32).max(PAINTING_SIDE);
-        let small = resize(painting, side(width), side(height), FilterType::Triangle);
+        let small = map_of(&reduced(painting));
         let colours = self.levels.iter().map(|level| {
-            let features = level.encoder.forward(&map(&small));
+            let features = level.encoder.forward(&small);
             (level, Moments::of(&features))
         });
         let colours: Vec<(&Level, Moments)> = colours.collect();
         Box::new(move |picture| {
             let mut current = enlarged(picture);
             for (level, painting) in &colours {
-                let mut features = level.encoder.forward(&map(&current));
+                let mut features = level.encoder.forward(&map_of(&current));
                 recolour(&mut features, painting);
                 current = picture_of(&level.decoder.forward(&features));
             }
             crop_imm(&current, 0, 0, picture.width(), picture.height()).to_image()
         })
     }
-}
-
-/// A picture whose sides are multiples of eight, its last row and column repeated.
-fn enlarged(picture: &RgbImage) -> RgbImage {
-    let (width, height) = picture.dimensions();
-    let side = |length: u32| length.next_multiple_of(MULTIPLE).max(2 * MULTIPLE);
-    RgbImage::from_fn(side(width), side(height), |x, y| {
-        *picture.get_pixel(x.min(width - 1), y.min(height - 1))
-    })
-}
-
-fn map(picture: &RgbImage) -> FeatureMap {
-    FeatureMap {
-        height: picture.height() as usize,
-        width: picture.width() as usize,
-        channels: 3,
-        data: impasto_style::picture(picture),
-    }
-}
-
-fn picture_of(map: &FeatureMap) -> RgbImage {
-    RgbImage::from_fn(map.width as u32, map.height as u32, |x, y| {
-        let at = 3 * (y as usize * map.width + x as usize);
-        Rgb([0, 1, 2].map(|c| (255.0 * map.data[at + c]).round() as u8))
-    })
 }
 
 /// Mean of features, and square root and inverse square root of their covariance.
@@ -259,6 +224,8 @@ mod tests {
     )]
 
     use super::*;
+    use image::Rgb;
+    use image::imageops::{FilterType, resize};
 
     fn features(seed: u32, spread: f32) -> FeatureMap {
         let value = |i: u32| {
@@ -336,8 +303,10 @@ mod tests {
         let photo = resize(&photo.to_rgb8(), 160, 280, FilterType::Triangle);
         // Published, of another photo: 23.7, 28.0, 32.4 and 47.5 dB.
         for (level, least) in wct.levels.iter().zip([22.0, 26.0, 29.0, 40.0]) {
-            let found = level.decoder.forward(&level.encoder.forward(&map(&photo)));
-            let psnr = impasto_scene::metrics::psnr(&found.data, &map(&photo).data);
+            let found = level
+                .decoder
+                .forward(&level.encoder.forward(&map_of(&photo)));
+            let psnr = impasto_scene::metrics::psnr(&found.data, &map_of(&photo).data);
             assert!(psnr > least, "{psnr:.1} dB instead of {least}");
         }
     }

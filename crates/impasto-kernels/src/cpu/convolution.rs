@@ -202,3 +202,64 @@ impl WithSimd for Convolve<'_> {
         }
     }
 }
+
+/// Pixels of one product of [`filter_gradient`]: their gradients stay in the second-level cache.
+const GRADIENT_PIXELS: usize = 256;
+
+/// Gradient of a convolution's weight in `[output][input][dy][dx]` order: per tap, the shifted
+/// input times the gradient of the output.
+///
+/// # Panics
+/// If the images differ in size.
+pub(crate) fn filter_gradient(input: &Padded, grad: &Padded) -> Vec<f32> {
+    assert_eq!(
+        (input.height, input.width),
+        (grad.height, grad.width),
+        "input of a convolution and gradient of its output"
+    );
+    let (inputs, outputs) = (input.channels, grad.channels);
+    let taps: Vec<Vec<f32>> = (0..9)
+        .into_par_iter()
+        .map(|tap| Arch::new().dispatch(TapGradient { input, grad, tap }))
+        .collect();
+    let mut weight = vec![0.0; 9 * inputs * outputs];
+    let filters = weight.par_chunks_mut(9 * inputs).enumerate();
+    filters.for_each(|(o, filter)| {
+        for (i, weight) in filter.iter_mut().enumerate() {
+            *weight = taps[i % 9][i / 9 * outputs + o];
+        }
+    });
+    weight
+}
+
+struct TapGradient<'a> {
+    /// Border filled as the convolution saw it.
+    input: &'a Padded,
+    /// Border zero.
+    grad: &'a Padded,
+    tap: usize,
+}
+
+impl WithSimd for TapGradient<'_> {
+    /// `inputs × outputs`.
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        let Self { input, grad, tap } = self;
+        let (inputs, outputs) = (input.channels, grad.channels);
+        let stride = grad.width + 2;
+        // From the first pixel to the last, border columns between rows included: their gradient
+        // is zero.
+        let (first, count) = (stride + 1, (grad.height - 1) * stride + grad.width);
+        let shifted = first - stride - 1 + tap / 3 * stride + tap % 3;
+        let mut out = vec![0.0; inputs * outputs];
+        for start in (0..count).step_by(GRADIENT_PIXELS) {
+            let pixels = GRADIENT_PIXELS.min(count - start);
+            let left = Left::transposed(&input.data[(shifted + start) * inputs..], pixels, inputs);
+            let right = &grad.data[(first + start) * outputs..][..pixels * outputs];
+            product(simd, (&mut out, Start::Sum, outputs), left, right, outputs);
+        }
+        out
+    }
+}

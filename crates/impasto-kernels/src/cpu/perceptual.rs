@@ -1,6 +1,7 @@
 //! The frozen perceptual stack: 3×3 convolutions with relu and 2×2 max-pooling (VGG), forward,
 //! and backward to the image only.
 
+use super::conv_chain::FeatureMap;
 use super::convolution::{ConvLayer, convolve};
 use super::padded::{Padded, pool, pool_backward};
 use super::statistics::Statistics;
@@ -49,6 +50,12 @@ impl PerceptualTape {
     /// Height and width of the image.
     pub fn image_size(&self) -> (usize, usize) {
         (self.outputs[0].height, self.outputs[0].width)
+    }
+
+    /// Outputs, after relu, of the layers that contribute statistics, in order.
+    pub fn features(&self) -> impl Iterator<Item = FeatureMap> {
+        let layers = self.outputs.iter().zip(&self.statistics);
+        layers.filter_map(|(output, own)| own.as_ref().map(|_| FeatureMap::of(output)))
     }
 }
 
@@ -186,10 +193,10 @@ impl PerceptualStack {
                 current = Padded::zeros(1, 1, 1);
             }
         }
-        let mut result = Vec::new();
-        if let Some(last) = tape.outputs.last() {
-            (0..last.height).for_each(|y| result.extend_from_slice(last.row(y)));
-        }
+        let mut result = tape
+            .outputs
+            .last()
+            .map_or_else(Vec::new, |last| FeatureMap::of(last).data);
         result.extend(statistics);
         (result, tape)
     }

@@ -11,10 +11,9 @@ fn small() -> BuiltinOptions {
 
 /// What the pixel's centre shows.
 fn meet<'a>(place: &'a Place, camera: &Camera, x: f64, y: f64) -> (Thing<'a>, f64) {
-    let ray = camera.ray(x, y);
-    let length = ray.direction.length();
-    let (thing, t) = place.meet(ray.origin.as_vec3(), (ray.direction / length).as_vec3());
-    (thing, f64::from(t) / length)
+    let aim = Aim::new(camera, x, y);
+    let (thing, t) = place.meet(aim.origin, aim.direction);
+    (thing, f64::from(t) / aim.length)
 }
 
 #[test]
@@ -24,6 +23,24 @@ fn rendering_twice_gives_the_same_pixels() {
     assert_eq!(a.pixels, b.pixels);
     assert_eq!(a.depth, b.depth);
     assert_eq!(a.depth.len(), 96 * 72);
+    assert_eq!(depth(&camera), a.depth, "the same without colours");
+}
+
+#[test]
+fn its_own_capture_is_recognised_whatever_the_lens() {
+    let poses = |photos| -> Vec<DMat4> {
+        let options = BuiltinOptions { photos, ..small() };
+        let cameras = cameras(&options).into_iter();
+        cameras.map(|camera| camera.camera_to_world).collect()
+    };
+    assert!(is_capture(&poses(40)) && is_capture(&poses(3)));
+    // Another place, another order, none at all.
+    let mut moved = poses(5);
+    moved[4].w_axis.x += 1e-3;
+    assert!(!is_capture(&moved));
+    moved = poses(5);
+    moved.swap(1, 2);
+    assert!(!is_capture(&moved) && !is_capture(&poses(40)[..39]) && !is_capture(&[]));
 }
 
 #[test]

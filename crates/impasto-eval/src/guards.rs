@@ -1,0 +1,54 @@
+//! What a consistency is worth nothing without: blur agrees with itself, and so does a frame that
+//! nobody painted.
+
+use crate::evaluate::{MethodResult, PHOTO};
+
+/// Sharpness under which a method's frames are called blurred: they have lost half the gradient
+/// energy of the unstylised ones.
+pub const LEAST_SHARPNESS: f64 = 0.5;
+/// Style gain under which a method is called hardly stylised.
+pub const LEAST_STYLE_GAIN: f64 = 0.05;
+
+/// What a method fails in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Guard {
+    /// Its frames have too little detail; the sharpness.
+    Blurred(f64),
+    /// Its frames are hardly nearer to the paintings than the unstylised ones; the style gain.
+    HardlyStylised(f64),
+}
+
+impl Guard {
+    /// The guards that the method `name` fails. The unstylised render is the floor and is not
+    /// judged.
+    pub fn failed(name: &str, result: &MethodResult) -> Vec<Self> {
+        if name == PHOTO {
+            return Vec::new();
+        }
+        let gain = result.fidelity.style_gain;
+        let under = |value: f64, least: f64| value.is_nan() || value < least;
+        let blurred = result.sharpness.filter(|s| under(*s, LEAST_SHARPNESS));
+        let unstyled = Some(gain).filter(|g| under(*g, LEAST_STYLE_GAIN));
+        let failed = [
+            blurred.map(Self::Blurred),
+            unstyled.map(Self::HardlyStylised),
+        ];
+        failed.into_iter().flatten().collect()
+    }
+}
+
+impl std::fmt::Display for Guard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Blurred(value) => {
+                write!(f, "blurred (sharpness {value:.2} < {LEAST_SHARPNESS})")
+            }
+            Self::HardlyStylised(value) => {
+                write!(
+                    f,
+                    "hardly stylised (style gain {value:.2} < {LEAST_STYLE_GAIN})"
+                )
+            }
+        }
+    }
+}

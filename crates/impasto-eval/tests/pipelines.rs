@@ -1,0 +1,147 @@
+//! A whole evaluation of a tiny model, with a method that paints everything in one colour.
+
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use image::{Rgb, RgbImage};
+use impasto_eval::methods::Stylizer;
+use impasto_eval::{EvalOptions, Evaluation, Reconstruct, evaluate};
+use impasto_field::EncodingConfig;
+use impasto_scene::builtin::{BuiltinOptions, write_capture};
+use impasto_scene::paths::orbit;
+use impasto_scene::{Camera, Split};
+use impasto_train::{Budget, Model, Stages, TrainConfig, TrainOptions, train};
+
+struct Whitewash;
+
+impl Stylizer for Whitewash {
+    fn name(&self) -> &'static str {
+        "whitewash"
+    }
+
+    fn brush<'a>(&'a self, _: &RgbImage) -> Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a> {
+        Box::new(|picture| {
+            let (width, height) = picture.dimensions();
+            RgbImage::from_pixel(width, height, Rgb([235, 230, 215]))
+        })
+    }
+}
+
+/// A model of the built-in scene that has had a few steps of each stage.
+fn tiny_model() -> Model {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = BuiltinOptions {
+        photos: 6,
+        width: 48,
+        height: 40,
+        ..BuiltinOptions::default()
+    };
+    write_capture(&dir.path().join("scene"), &capture).unwrap();
+    let styles = dir.path().join("styles");
+    std::fs::create_dir(&styles).unwrap();
+    painting(120).1.save(styles.join("one.png")).unwrap();
+    let mut config = TrainConfig::fast();
+    for volume in [&mut config.field.inner, &mut config.field.outer] {
+        volume.encoding = EncodingConfig::HashGrid {
+            levels: 4,
+            features: 4,
+            log2_entries: 10,
+            coarsest: 8.0,
+            finest: 64.0,
+        };
+    }
+    config.field.sampling.inner_grid = 16;
+    config.field.sampling.outer_grid = 16;
+    config.geometry.samples = 5000;
+    config.geometry.rays = [128, 512];
+    config.style.patch = [32, 40];
+    config.style.generated = 3;
+    let options = TrainOptions {
+        scene: dir.path().join("scene"),
+        output: dir.path().join("model"),
+        styles: Some(styles),
+        encoder: None,
+        cache: None,
+        stages: Stages::All,
+        config,
+        budget: Budget::Steps(60),
+        downscale: 1,
+        format: None,
+        seed: 1,
+    };
+    train(&options, &mut |_| ()).unwrap();
+    Model::load(&options.output).unwrap()
+}
+
+fn painting(shade: u8) -> (String, RgbImage) {
+    let picture = RgbImage::from_fn(64, 64, |x, y| {
+        Rgb([shade, (x * 3) as u8, ((x ^ y) * 4) as u8])
+    });
+    (format!("painting of {shade}"), picture)
+}
+
+#[test]
+fn a_place_is_reconstructed_from_its_stylised_views() {
+    let model = tiny_model();
+    let train = model.file.scene.cameras(Split::Train);
+    let path: Vec<Camera> = orbit(&train, 600, (48, 40)).unwrap()[..9].to_vec();
+    let options = EvalOptions {
+        paintings: &[painting(200), painting(60)],
+        path: &path,
+        supersampling: 2,
+        gallery: None,
+        against: &[&Whitewash],
+        reconstruct: Some(Reconstruct {
+            budget: Budget::Steps(150),
+            paintings: 1,
+        }),
+    };
+    let mut ticks = 0;
+    let found = evaluate(&model, &options, &mut || ticks += 1).unwrap();
+    // Views and walk unstylised, of both paintings together, of each by the other method, and of
+    // the one that was reconstructed.
+    let views = found.methods["photo"].fidelity.views;
+    let wanted = 5 * (views + path.len());
+    assert_eq!((ticks, options.pictures(&model)), (wanted, wanted));
+    reconstruction_is_whitewashed(&found);
+    depth_is_known(&found);
+    let photo = found.methods["photo"].over_photo.unwrap();
+    assert!(
+        photo.short == 1.0 && photo.long == 1.0,
+        "{:?}",
+        found.methods["photo"]
+    );
+
+    let without = EvalOptions {
+        path: &[],
+        reconstruct: None,
+        ..options
+    };
+    let found = evaluate(&model, &without, &mut || ()).unwrap();
+    assert!(!found.methods.contains_key("whitewash_reconstructed"));
+    assert!(found.reconstructed.is_none() && found.depth_error.is_none());
+    assert!(found.methods["photo"].true_depth.is_none());
+}
+
+/// What was learned from views of one colour is of that colour: as like the painting as the method's
+/// own pictures, as smooth, and with nothing left of the place.
+fn reconstruction_is_whitewashed(found: &Evaluation) {
+    let of = |name: &str| &found.methods[name];
+    let [before, pictures, place] = ["photo", "whitewash", "whitewash_reconstructed"].map(of);
+    assert_eq!(place.fidelity.paintings.len(), 1);
+    let loss = |result: &impasto_eval::MethodResult| result.fidelity.paintings[0].style_loss;
+    let distance = (loss(place) - loss(pictures)).abs();
+    assert!(distance < 0.2 * (loss(before) - loss(pictures)).abs());
+    assert!(place.sharpness.unwrap() < 0.1, "{:?}", place.sharpness);
+    assert!(found.reconstructed.unwrap().contains("renders"));
+}
+
+/// The model is of the built-in scene, so every method is measured by true depth as well.
+fn depth_is_known(found: &Evaluation) {
+    assert!(found.depth_error.unwrap() > 0.0);
+    for (name, result) in &found.methods {
+        let (truth, short) = (result.true_depth.unwrap(), result.short.unwrap());
+        assert!(truth.short.pairs > 0, "{name}");
+        let difference = truth.short.e100 - short.e100;
+        assert_eq!(truth.difference.short, difference, "{name}");
+    }
+}
