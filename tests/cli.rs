@@ -511,27 +511,7 @@ fn encoders_are_trained_checked_and_used() {
         (&json!(3), &json!(1))
     );
     assert_eq!(json_of(folder, "info model")["encoder"]["input"], "relu4_1");
-    let measured = json_of(folder, "eval model --styles paintings --frames 9");
-    assert_eq!(measured["unreadable"].as_array().unwrap().len(), 1);
-    let methods = &measured["methods"];
-    for name in ["impasto", "photo"] {
-        for range in ["short", "long"] {
-            let found = &methods[name][range];
-            let pairs = [&found["pairs"], &found["dropped"]].map(|n| n.as_u64().unwrap());
-            assert_eq!(
-                pairs.iter().sum::<u64>(),
-                if range == "short" { 8 } else { 2 }
-            );
-            assert!(found["e100"].as_f64().unwrap() >= 0.0);
-        }
-    }
-    let photo = &methods["photo"];
-    assert_eq!(
-        (&photo["sharpness"], &photo["style_gain"]),
-        (&json!(1.0), &json!(0.0))
-    );
-    let without = json_of(folder, "eval model --styles paintings --frames 0");
-    assert!(without["methods"]["impasto"]["short"].is_null());
+    a_walk_is_evaluated(folder);
     json_of(
         folder,
         "render model --style paintings/deep/c.png --frames 1 -o c.png",
@@ -555,6 +535,31 @@ fn encoders_are_trained_checked_and_used() {
         "train scene -o m --encoder paintings/a.png --steps 2 --set style.patch=[36,42]",
         &["a.png", "safetensors"],
     );
+}
+
+/// Of the model of [`encoders_are_trained_checked_and_used`].
+fn a_walk_is_evaluated(folder: &Path) {
+    let measured = json_of(folder, "eval model --styles paintings --frames 9");
+    assert_eq!(measured["unreadable"].as_array().unwrap().len(), 1);
+    let methods = &measured["methods"];
+    for name in ["impasto", "photo"] {
+        for range in ["short", "long"] {
+            let found = &methods[name][range];
+            let pairs = [&found["pairs"], &found["dropped"]].map(|n| n.as_u64().unwrap());
+            assert_eq!(
+                pairs.iter().sum::<u64>(),
+                if range == "short" { 8 } else { 2 }
+            );
+            assert!(found["e100"].as_f64().unwrap() >= 0.0);
+        }
+    }
+    let photo = &methods["photo"];
+    assert_eq!(
+        (&photo["sharpness"], &photo["style_gain"]),
+        (&json!(1.0), &json!(0.0))
+    );
+    let without = json_of(folder, "eval model --styles paintings --frames 0");
+    assert!(without["methods"]["impasto"]["short"].is_null());
 }
 
 fn refused_paintings(folder: &Path) {

@@ -95,7 +95,7 @@ pub fn run(args: &StudyArgs) -> Result<Answer, CliError> {
 
 fn make(args: &MakeArgs) -> Result<Answer, CliError> {
     if args.methods.is_empty() {
-        let usage = "say what to compare with, for example --against wct";
+        let usage = "say what to compare with, for example --against adain";
         return Err(CliError::Usage(usage.into()));
     }
     check_folder(&args.output)?;

@@ -85,6 +85,13 @@ fn devoted_answers(key: &Value, participant: &str) -> Value {
 /// On the model and the paintings of another test.
 pub fn is_made_and_counted(folder: &Path) {
     write_untrained_wct(&folder.join("wct.safetensors"));
+    let key = is_made(folder);
+    is_counted(folder, &key);
+    refuses_what_it_cannot_use(folder);
+}
+
+/// The key of the study `asked`.
+fn is_made(folder: &Path) -> Value {
     let make = "study make model --styles paintings --against wct --wct-weights wct.safetensors";
     let made = json_of(folder, &format!("{make} --frames 3 --seed 5 -o asked"));
     assert_eq!(
@@ -106,9 +113,12 @@ pub fn is_made_and_counted(folder: &Path) {
     // The same seed makes the same study.
     json_of(folder, &format!("{make} --frames 3 --seed 5 -o again"));
     assert!(fs::read_to_string(folder.join("again/study.html")).unwrap() == page);
+    key
+}
 
+fn is_counted(folder: &Path, key: &Value) {
     for (file, participant) in [("x", "x"), ("y", "y"), ("copy", "x")] {
-        let answers = devoted_answers(&key, participant).to_string();
+        let answers = devoted_answers(key, participant).to_string();
         fs::write(folder.join(format!("{file}.json")), answers).unwrap();
     }
     fs::write(folder.join("broken.json"), b"\xff{").unwrap();
@@ -147,7 +157,9 @@ pub fn is_made_and_counted(folder: &Path) {
         notes.contains("copy.json is of the same participant as x.json"),
         "{notes}"
     );
+}
 
+fn refuses_what_it_cannot_use(folder: &Path) {
     refused(
         folder,
         "study summary asked broken.json",

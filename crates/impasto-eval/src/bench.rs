@@ -34,14 +34,22 @@ impl Bench<'_> {
         views: &[RgbImage],
         walked: &[RgbImage],
     ) -> Result<(PaintingResult, Option<Walked>), StyleError> {
+        let fidelity = self.judge.painting(painting, views)?;
+        Ok((fidelity, self.walked((method, painting), views, walked)?))
+    }
+
+    /// The walk's part of [`Self::judged`].
+    fn walked(
+        &mut self,
+        (method, painting): (&str, usize),
+        views: &[RgbImage],
+        walked: &[RgbImage],
+    ) -> Result<Option<Walked>, StyleError> {
         if let Some(gallery) = &mut self.gallery {
             let shown = (method, Some(painting));
             gallery.hang(shown, (views, walked), self.walk.worst(walked));
         }
-        Ok((
-            self.judge.painting(painting, views)?,
-            self.walk.measure(walked, self.vgg)?,
-        ))
+        self.walk.measure(walked, self.vgg)
     }
 
     /// A method's result, from those of its paintings.
@@ -98,10 +106,12 @@ impl Bench<'_> {
             let brush = stylizer.brush(painting);
             let views = painted(self.plain, &brush, tick);
             let frames = painted(&self.walk.frames, &brush, tick);
-            pictures.push(self.judged((names[0], i), &views, &frames)?);
+            let (fidelity, walked) = self.judged((names[0], i), &views, &frames)?;
             // A first frame is a single picture: as a video, the views are painted alike.
             let video = self.walk.video(&frames);
-            videos.push(self.judged((names[1], i), &views, &video)?);
+            let as_video = self.walked((names[1], i), &views, &video)?;
+            pictures.push((fidelity.clone(), walked));
+            videos.push((fidelity, as_video));
         }
         Ok([pictures, videos].map(|results| self.result(results)))
     }

@@ -63,20 +63,13 @@ impl Walk {
         rendered: &[Vec<f32>],
         truth: Option<&[Vec<f32>]>,
     ) -> Self {
-        let estimated = RANGES.map(|range| {
-            Pairs::new(path.len(), range, |first, second| {
-                let [there, back] = [[first, second], [second, first]]
-                    .map(|[from, to]| estimated(&frames[from], &frames[to]));
-                Correspondence::of_flows(there, &back)
-            })
-        });
         Self {
             energy: frames.iter().map(gradient_energy).sum(),
+            estimated: RANGES.map(|range| by_estimate(&frames, range)),
             frames,
             exact: by_depth(path, rendered),
             depth_error: truth.map(|truth| depth_error(rendered, truth)),
             truth: truth.map(|truth| by_depth(path, truth)),
-            estimated,
         }
     }
 
@@ -110,12 +103,26 @@ impl Walk {
     /// Frames that were stylised one by one, as a video: by estimated flow, because a method of
     /// pictures knows no geometry.
     pub(crate) fn video(&self, frames: &[RgbImage]) -> Vec<RgbImage> {
-        let mut links = vec![None; frames.len()];
-        for ([t, _], link) in self.estimated[0].links() {
-            links[t] = Some(link);
-        }
-        temporal(frames, &links)
+        video(frames, &self.estimated[0])
     }
+}
+
+/// How unstylised frames that are `range` apart correspond, by flow estimated from them.
+pub(crate) fn by_estimate(frames: &[RgbImage], range: usize) -> Pairs {
+    Pairs::new(frames.len(), range, |first, second| {
+        let [there, back] = [[first, second], [second, first]]
+            .map(|[from, to]| estimated(&frames[from], &frames[to]));
+        Correspondence::of_flows(there, &back)
+    })
+}
+
+/// Frames that were stylised one by one, as a video, by how neighbours correspond.
+pub(crate) fn video(frames: &[RgbImage], neighbours: &Pairs) -> Vec<RgbImage> {
+    let mut links = vec![None; frames.len()];
+    for ([t, _], link) in neighbours.links() {
+        links[t] = Some(link);
+    }
+    temporal(frames, &links)
 }
 
 /// How the frames of a path correspond, by one depth map each.

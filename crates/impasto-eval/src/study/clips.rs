@@ -4,10 +4,11 @@ use super::StudyError;
 use super::plan::Plan;
 use crate::EvalError;
 use crate::bench::GROUP;
+use crate::consistency::RANGES;
 use crate::evaluate::{OURS, PHOTO};
 use crate::methods::Stylizer;
 use crate::page::data_url;
-use crate::walk::{Walk, views};
+use crate::walk::{by_estimate, video, views};
 use image::RgbImage;
 use impasto_train::{Look, Model};
 use rayon::prelude::*;
@@ -58,19 +59,20 @@ pub(super) fn film(
     plan: &Plan<'_>,
     tick: &mut dyn FnMut(),
 ) -> Result<Clips, StudyError> {
-    let walk = Walk::new((model, 1), &plan.path, tick);
+    let unstyled = views((model, 1), &plan.path, &[&model.photo_look()], tick).remove(0);
+    let neighbours = by_estimate(&unstyled, RANGES[0]);
     let mut clips = ours(model, plan, tick)?;
     for (painting, method) in plan.stylised() {
         let brush = plan.options.against[method].brush(&plan.options.paintings[painting].1);
-        let frames: Vec<RgbImage> = walk.frames.par_iter().map(&brush).collect();
+        let frames: Vec<RgbImage> = unstyled.par_iter().map(&brush).collect();
         clips.insert(
             (painting, Shown::Video(method)),
-            encoded(&walk.video(&frames))?,
+            encoded(&video(&frames, &neighbours))?,
         );
         clips.insert((painting, Shown::Frames(method)), encoded(&frames)?);
         (0..frames.len()).for_each(|_| tick());
     }
-    let photo = encoded(&walk.frames)?;
+    let photo = encoded(&unstyled)?;
     let caught = plan
         .trials
         .iter()
