@@ -33,11 +33,12 @@ variants=(
     "view direction|--set style.view_dependent_style=true"
     "photo term|--set style.photo_weight=1"
     "warm-up, a tenth|--set style.style_warmup=$((steps / 10))"
-    "distances per layer|--set style.style_reduction=layers --set style.style_weight=1"
+    "one distance of all layers|--set style.style_reduction=concatenated --set style.style_weight=60"
     "strides 1/2, 1/3|--set style.strides={\"paper\":[2,3]}"
     "strides 1/1, 1/1|--set style.strides={\"paper\":[1,1]}"
     "patch 34x40|--set style.patch=[34,40]"
-    "no canvas|--set style_app.canvas=null"
+    "roughness not weighed|--set style.roughness_weight=0"
+    "a canvas|--set style_app.canvas={\"hash_grid\":{\"levels\":4,\"features\":4,\"log2_entries\":16,\"coarsest\":24.0,\"finest\":256.0}}"
 )
 
 printf '| variant | style gain | retrieval | style loss | content loss |\n|---|---|---|---|---|\n'

@@ -27,6 +27,10 @@ pub struct PaintingResult {
     pub style_gain: f64,
     /// Share of views that are nearest to this painting.
     pub retrieved: f64,
+    /// The painting that most of the other views are nearest to; the first of several. `None` if
+    /// there are no others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub taken_for: Option<String>,
     /// Mean squared difference of relu4_1 to the unstylised render.
     pub content_loss: f64,
     /// Agreement of neighbouring frames in this style, by exact flow; `None` without a walk.
@@ -101,21 +105,29 @@ impl<'a> Judge<'a> {
     fn of_features(&self, index: usize, views: &[Features]) -> PaintingResult {
         let mut result = PaintingResult::new(self.names[index]);
         let target = &self.targets[index];
+        let mut taken = vec![0; self.targets.len()];
         for (painted, plain) in views.iter().zip(&self.plain) {
             let loss = painted.statistics.distance(target);
             let others = self.targets.iter().enumerate().filter(|(i, _)| *i != index);
-            let nearest = others
-                .map(|(_, other)| painted.statistics.distance(other))
-                .all(|other| other > loss);
+            let others = others.map(|(i, other)| (i, painted.statistics.distance(other)));
+            let other = others
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .filter(|(_, other)| *other <= loss);
+            if let Some((other, _)) = other {
+                taken[other] += 1;
+            }
             let content = painted.content.iter().zip(&plain.content);
             let content = content.map(|(a, b)| f64::from((a - b).powi(2)));
             let before = f64::from(plain.statistics.distance(target));
             result.style_loss += f64::from(loss);
             result.style_gain += 1.0 - f64::from(loss) / before;
-            result.retrieved += f64::from(u8::from(nearest));
+            result.retrieved += f64::from(u8::from(other.is_none()));
             result.content_loss += content.sum::<f64>() / plain.content.len() as f64;
         }
         result.divide(views.len().max(1) as f64);
+        let most = taken.iter().copied().max().filter(|most| *most > 0);
+        let most = most.and_then(|most| taken.iter().position(|count| *count == most));
+        result.taken_for = most.map(|other| self.names[other].to_owned());
         result
     }
 }
@@ -144,6 +156,7 @@ impl PaintingResult {
             style_loss: 0.0,
             style_gain: 0.0,
             retrieved: 0.0,
+            taken_for: None,
             content_loss: 0.0,
             short: None,
             long: None,
@@ -173,4 +186,46 @@ fn features(vgg: &Perceptual, image: &RgbImage) -> Result<Features, StyleError> 
         image.height() as usize,
         image.width() as usize,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+    use image::Rgb;
+
+    #[test]
+    fn views_of_another_painting_are_taken_for_it() {
+        let vgg = Perceptual::vgg16().unwrap();
+        // Stripes of several widths, in several colours.
+        let picture = |width: u32, colour: [u8; 3]| {
+            RgbImage::from_fn(STYLE_SIDE, STYLE_SIDE, |x, _| match x / width % 2 {
+                0 => Rgb(colour),
+                _ => Rgb([20, 30, 40]),
+            })
+        };
+        let names = ["red", "green", "blue"];
+        let pictures = [
+            picture(3, [230, 40, 30]),
+            picture(9, [60, 210, 50]),
+            picture(20, [70, 80, 240]),
+        ];
+        let paintings = names.map(str::to_owned).into_iter().zip(pictures.clone());
+        let paintings: Vec<_> = paintings.collect();
+        let plain = vec![picture(40, [200, 200, 200]); 4];
+        let judge = Judge::new(&vgg, &paintings, &plain).unwrap();
+        let of = |views: [usize; 4]| {
+            let views = views.map(|i| pictures[i].clone());
+            let found = judge.painting(1, &views).unwrap();
+            (found.retrieved, found.taken_for)
+        };
+        assert_eq!(of([1, 1, 1, 1]), (1.0, None));
+        assert_eq!(of([0, 1, 2, 2]), (0.25, Some("blue".to_owned())));
+        assert_eq!(
+            of([2, 0, 1, 1]),
+            (0.5, Some("red".to_owned())),
+            "the first of several"
+        );
+    }
 }

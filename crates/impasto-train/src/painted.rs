@@ -120,6 +120,13 @@ mod tests {
         }
         config.field.sampling.inner_grid = 8;
         config.field.sampling.outer_grid = 8;
+        config.style_app.canvas = Some(EncodingConfig::HashGrid {
+            levels: 2,
+            features: 2,
+            log2_entries: 8,
+            coarsest: 4.0,
+            finest: 8.0,
+        });
         let (field, device) = (Field::new(config.field.clone()), Device::flex());
         let mut rng = Pcg64::seed_from_u64(1);
         let (weights, grids) = (field.init(&mut rng, &device), field.grids(1.0, None));

@@ -221,6 +221,20 @@ impl PatchPool {
             .reshape([height, width, 3])
     }
 
+    /// Mean squared second difference of the rays' colours along rows and columns of a patch.
+    ///
+    /// # Shapes
+    /// `composite`: `[rays, 3 or more]`; result: one number.
+    pub fn roughness(&self, composite: Tensor<2>) -> Tensor<1> {
+        let [height, width] = self.sampler.size.map(|side| side * self.supersampling);
+        let colours = composite.slice_dim(1, 0..3).reshape([height, width, 3]);
+        let along = |axis: usize, length: usize| {
+            let from = |start: usize| colours.clone().slice_dim(axis, start..start + length - 2);
+            (from(0) + from(2) - from(1) * 2.0).square().mean()
+        };
+        along(0, height) + along(1, width)
+    }
+
     /// A photo's view, or one between two neighbouring photos: paint must hold where nobody stood.
     /// With it the number of the photo.
     fn draw_view(&self, rng: &mut Pcg64) -> (CameraRays, usize) {
@@ -372,6 +386,32 @@ mod tests {
                 assert!(step > 0.5 && (step - step.round()).abs() < 1e-3, "{step}");
             }
         }
+    }
+
+    #[test]
+    fn ramps_are_smooth_and_stripes_are_rough() {
+        let pool = pool(vec![photo(0.0, 0.0)], [4, 5]);
+        let rows = 2 * 4;
+        let columns = 2 * 5;
+        let roughness = |shade: fn(usize, usize) -> f32| {
+            let rays = (0..rows * columns).flat_map(|i| {
+                let shade = shade(i / columns, i % columns);
+                // What comes after the colours does not count.
+                [shade, shade, shade, i as f32]
+            });
+            let rays = matrix(rays.collect(), 4, &Device::flex());
+            pool.roughness(rays).into_scalar::<f32>()
+        };
+        assert!(roughness(|y, x| 0.02 * x as f32 + 0.05 * y as f32) < 1e-9);
+        // From 0 to 1 and back is a second difference of 2, in one direction.
+        for stripes in [
+            roughness(|_, x| (x % 2) as f32),
+            roughness(|y, _| (y % 2) as f32),
+        ] {
+            assert!((stripes - 4.0).abs() < 1e-5, "{stripes}");
+        }
+        let coarse = roughness(|_, x| (x / 2 % 2) as f32);
+        assert!((coarse - 1.0).abs() < 1e-5, "{coarse}");
     }
 
     #[test]

@@ -192,11 +192,16 @@ impl StyleStage {
         let mut report = StyleReport::default();
         let losses = patch.levels.iter().zip(&looks).map(|(parts, look)| {
             painted::loss_of(parts, look, |colours| {
+                let rough = (self.config.style.roughness_weight > 0.0)
+                    .then(|| self.patches.roughness(colours.clone()));
                 let colours = self.patches.averaged(colours);
-                let losses = match palette {
+                let mut losses = match palette {
                     true => self.palette_loss(colours, patch, style),
                     false => self.perceptual_losses(colours, patch, style),
                 };
+                if let Some(rough) = rough.filter(|_| !palette) {
+                    losses.total = losses.total + rough * self.config.style.roughness_weight;
+                }
                 report = losses.report(patch.rays());
                 losses.total
             })

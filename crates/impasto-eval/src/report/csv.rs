@@ -59,6 +59,7 @@ fn mean(method: &MethodResult) -> PaintingResult {
         style_loss: fidelity.style_loss,
         style_gain: fidelity.style_gain,
         retrieved: fidelity.retrieval,
+        taken_for: None,
         content_loss: fidelity.content_loss,
         short: method.short,
         long: method.long,

@@ -74,6 +74,13 @@ fn figure(method: &str, exhibit: &Exhibit, found: &PaintingResult) -> Result<Str
     let mut facts = vec![how.to_owned()];
     if method != PHOTO {
         facts.push(format!("style gain {}", number(found.style_gain, 2)));
+        if let Some(other) = &found.taken_for {
+            let share = number(100.0 * (1.0 - found.retrieved), 0);
+            facts.push(format!(
+                "{share} % of views nearer to another painting, mostly {}",
+                escaped(other)
+            ));
+        }
     }
     if let (Some(short), Some(long)) = (found.short, found.long) {
         let [short, long] = [short, long].map(|c| number(c.e100, 2));

@@ -33,6 +33,7 @@ fn method(e100: f64, style_gain: f64, sharpness: f64) -> MethodResult {
         style_loss: 0.5,
         style_gain: style_gain + more,
         retrieved: 1.0,
+        taken_for: None,
         content_loss: 4.0,
         short: Some(consistency(e100 + more, 9)),
         long: Some(long),

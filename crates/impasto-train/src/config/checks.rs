@@ -69,6 +69,7 @@ impl TrainConfig {
             s.style_weight,
             s.content_weight,
             s.photo_weight,
+            s.roughness_weight,
         ];
         let usable = |v: &f32| v.is_finite() && *v >= 0.0;
         let latent = self.field.inner.latent;

@@ -66,6 +66,11 @@ pub struct StyleConfig {
     pub content_target: ContentTarget,
     /// Weight of the squared difference of colours to that.
     pub photo_weight: f32,
+    /// Weight of the squared second differences of colours along rows and columns of a patch's rays,
+    /// which may be finer than its pixels: what no camera between two others could interpolate.
+    /// Stylised views agree with each other as far as they have little of it.
+    #[serde(default)]
+    pub roughness_weight: f32,
     /// Whether stylised colours may depend on the direction that they are seen from, in
     /// `style_app.view_bands` octaves. A built-in source of disagreement between views.
     pub view_dependent_style: bool,
