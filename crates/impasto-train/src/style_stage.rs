@@ -192,16 +192,10 @@ impl StyleStage {
         let mut report = StyleReport::default();
         let losses = patch.levels.iter().zip(&looks).map(|(parts, look)| {
             painted::loss_of(parts, look, |colours| {
-                let rough = (self.config.style.roughness_weight > 0.0)
-                    .then(|| self.patches.roughness(colours.clone()));
-                let colours = self.patches.averaged(colours);
-                let mut losses = match palette {
+                let losses = match palette {
                     true => self.palette_loss(colours, patch, style),
                     false => self.perceptual_losses(colours, patch, style),
                 };
-                if let Some(rough) = rough.filter(|_| !palette) {
-                    losses.total = losses.total + rough * self.config.style.roughness_weight;
-                }
                 report = losses.report(patch.rays());
                 losses.total
             })
@@ -234,7 +228,8 @@ impl StyleStage {
     }
 
     /// Squared difference to the photo in the painting's colours.
-    fn palette_loss(&self, colours: Tensor<3>, patch: &FrozenPatch, style: &Style) -> Losses {
+    fn palette_loss(&self, rays: Tensor<2>, patch: &FrozenPatch, style: &Style) -> Losses {
+        let colours = self.patches.averaged(rays);
         let recolouring = self.patches.palette().recolouring(&style.palette);
         Losses {
             total: difference(colours, recolouring.apply(&patch.pixels)),
@@ -243,8 +238,9 @@ impl StyleStage {
         }
     }
 
-    fn perceptual_losses(&self, colours: Tensor<3>, patch: &FrozenPatch, style: &Style) -> Losses {
+    fn perceptual_losses(&self, rays: Tensor<2>, patch: &FrozenPatch, style: &Style) -> Losses {
         let settings = &self.config.style;
+        let colours = self.patches.averaged(rays.clone());
         let traced = self.vgg.traced(colours.clone());
         let (content, likeness) = losses::content_and_style(
             &traced,
@@ -262,6 +258,9 @@ impl StyleStage {
         }
         if settings.photo_weight > 0.0 {
             total = total + difference(colours, patch.pixels.clone()) * settings.photo_weight;
+        }
+        if settings.roughness_weight > 0.0 {
+            total = total + self.patches.roughness(rays) * settings.roughness_weight;
         }
         Losses {
             total,
