@@ -39,6 +39,7 @@ pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
     Budget, EncoderCheck, EncoderOptions, EncoderSummary, Event, Inspiration, Look, Model,
-    ModelPhoto, ModelScene, RenderedView, Stage, Stages, TrainConfig, TrainError, TrainOptions,
-    TrainSummary, cache_folder, check_encoder, read_encoder, read_paintings, train, train_encoder,
+    ModelPhoto, ModelScene, Refinement, RenderedView, Stage, Stages, TrainConfig, TrainError,
+    TrainOptions, TrainSummary, cache_folder, check_encoder, read_encoder, read_paintings, train,
+    train_encoder,
 };

@@ -219,6 +219,8 @@ fn wrong_usage_exits_with_two() {
         "render m -o x.png --interpolate 3 --style p.png:1 --style p.png:1",
         "render m -o out --interpolate 3 --style p.png --style p.png",
         "render m -o x.png --interpolate 3 --frames 2 --style p.png --style p.png",
+        "render m -o x.png --interpolate 3 --refine 2s --style p.png --style p.png",
+        "render m -o x.png --refine 2s",
         "eval m --styles s --reconstruct 5s",
         "eval m --styles s --against wct --wct-weights w --reconstruct-paintings 0",
         "train-encoder",
@@ -387,7 +389,8 @@ fn several_styles_side_by_side(folder: &Path) {
     assert!(sheet.width() > 2 * 32 && sheet.width() < 3 * 32 && sheet.height() > 3 * 24);
 }
 
-/// Strength 0 is the photo's look, and a mix of one painting is that painting.
+/// Strength 0 is the photo's look, a mix of one painting is that painting, and a refined look is
+/// neither the photo's nor the predicted one.
 fn strength_and_mixes(folder: &Path) {
     let view = "--views test --size 28x21";
     let picture = |name: &str, arguments: &str| {
@@ -406,6 +409,8 @@ fn strength_and_mixes(folder: &Path) {
     );
     let mix = "--style paintings/red.png:2 --style paintings/grey.png:0";
     assert_eq!(picture("mix.png", mix), red);
+    let refined = picture("closer.png", "--style paintings/red.png --refine 1s");
+    assert!(refined != red && refined != photo);
 }
 
 /// The ends of a row are the styles themselves.

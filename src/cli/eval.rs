@@ -31,6 +31,9 @@ pub struct EvalArgs {
     styles: PathBuf,
     #[command(flatten)]
     methods: MethodArgs,
+    /// Also refine each painting's look for this long, e.g. 15s, as a method of its own; see render
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    refine: Option<Duration>,
     /// Also reconstruct the place from what the compared methods make of its training views,
     /// training for this long, e.g. 60s
     #[arg(long, value_name = "TIME", value_parser = duration, requires = "against")]
@@ -73,6 +76,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         supersampling: args.supersampling,
         against: &against,
         gallery: args.output.as_ref().map(|_| GalleryPlan::default()),
+        refine: args.refine.map(Budget::Time),
         reconstruct: args.reconstruct.map(|time| Reconstruct {
             budget: Budget::Time(time),
             paintings: args.reconstruct_paintings as usize,

@@ -216,29 +216,49 @@ fn sentence(event: &Event) -> Option<String> {
     })
 }
 
+/// Shows what share of something is done.
+pub struct Share {
+    face: Face,
+    start: Instant,
+}
+
+impl Share {
+    /// Begins.
+    pub fn new(title: &str) -> Self {
+        Self {
+            face: Face::new(title),
+            start: Instant::now(),
+        }
+    }
+
+    /// Shows that this much is done, and more about it.
+    pub fn show(&mut self, progress: f64, measures: &str) {
+        let left = self.start.elapsed().as_secs_f64() * (1.0 / progress.max(1e-9) - 1.0);
+        let message = format!("{measures}  ETA {}", clock(left));
+        self.face.show(progress, message);
+    }
+}
+
 /// Shows how many of a known number of steps are done.
 pub struct Steps {
-    face: Face,
+    share: Share,
     steps: u64,
-    start: Instant,
 }
 
 impl Steps {
     /// Begins.
     pub fn new(title: &str, steps: u64) -> Self {
         Self {
-            face: Face::new(title),
+            share: Share::new(title),
             steps,
-            start: Instant::now(),
         }
     }
 
     /// Shows that this many are done, with a measure or two.
     pub fn show(&mut self, done: u64, measures: &str) {
         let progress = done as f64 / self.steps.max(1) as f64;
-        let left = self.start.elapsed().as_secs_f64() * (1.0 / progress.max(1e-9) - 1.0);
-        let message = format!("step {done}  {measures}  ETA {}", clock(left));
-        self.face.show(progress, message);
+        self.share
+            .show(progress, &format!("step {done}  {measures}"));
     }
 }
 

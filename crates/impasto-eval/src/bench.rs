@@ -1,6 +1,6 @@
 //! The bench on which all methods are measured alike.
 
-use crate::evaluate::{EvalError, EvalOptions, MethodResult, OURS, PHOTO};
+use crate::evaluate::{EvalError, EvalOptions, MethodResult, PHOTO};
 use crate::fidelity::{Judge, PaintingResult};
 use crate::gallery::Gallery;
 use crate::methods::Stylizer;
@@ -14,6 +14,9 @@ use rayon::prelude::*;
 /// Paintings rendered together: geometry is computed once for them, and their frames are all in
 /// memory.
 pub(crate) const GROUP: usize = 8;
+
+/// The look that a model has for a painting.
+pub(crate) type LookOf<'a> = dyn FnMut(&RgbImage) -> Result<Look, EvalError> + 'a;
 
 /// What all methods are measured with.
 pub(crate) struct Bench<'a> {
@@ -68,26 +71,24 @@ impl Bench<'_> {
         Ok(self.result(results.collect()))
     }
 
-    /// The model's own looks. `tick` hears of every render.
+    /// The model's own looks, under this name. `tick` hears of every render.
     pub(crate) fn ours(
         &mut self,
         model: &Model,
+        (name, look): (&str, &mut LookOf<'_>),
         (cameras, options): (&[Camera], &EvalOptions<'_>),
         tick: &mut dyn FnMut(),
     ) -> Result<MethodResult, EvalError> {
         let rendering = (model, options.supersampling);
         let mut results = Vec::with_capacity(options.paintings.len());
         for group in options.paintings.chunks(GROUP) {
-            let looks = group.iter().map(|(_, painting)| {
-                let inspiration = model.inspiration(painting)?;
-                model.look(&inspiration).ok_or(EvalError::Unstyled)
-            });
+            let looks = group.iter().map(|(_, painting)| look(painting));
             let looks: Vec<Look> = looks.collect::<Result<_, _>>()?;
             let looks: Vec<&Look> = looks.iter().collect();
             let painted = views(rendering, cameras, &looks, tick);
             let walked = views(rendering, options.path, &looks, tick);
             for (painted, walked) in painted.iter().zip(&walked) {
-                results.push(self.judged((OURS, results.len()), painted, walked)?);
+                results.push(self.judged((name, results.len()), painted, walked)?);
             }
         }
         Ok(self.result(results))

@@ -11,12 +11,14 @@ use crate::walk::{Walk, Walked, views};
 use image::RgbImage;
 use impasto_scene::{Camera, Split};
 use impasto_style::{Perceptual, StyleError};
-use impasto_train::Model;
+use impasto_train::{Budget, Model, Refinement};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// The stylised field's name among the methods.
 pub(crate) const OURS: &str = "impasto";
+/// The same with looks that have gone on learning from their painting.
+pub(crate) const REFINED: &str = "impasto_refined";
 /// The unstylised render's name among the methods: the floor of every consistency.
 pub const PHOTO: &str = "photo";
 
@@ -33,6 +35,9 @@ pub struct EvalOptions<'a> {
     pub against: &'a [&'a dyn Stylizer],
     /// Pictures to keep for a report; none to save their memory.
     pub gallery: Option<GalleryPlan>,
+    /// How long to refine the model's looks for each painting, as a method of its own, see
+    /// [`Refinement`]; `None` to leave it out.
+    pub refine: Option<Budget>,
     /// Whether and how to reconstruct the place from what those methods make of its photos too.
     pub reconstruct: Option<Reconstruct>,
 }
@@ -118,8 +123,8 @@ pub enum EvalError {
     /// There is no view or no painting to compare.
     #[error("there is nothing to evaluate: no held-out view or no painting")]
     Nothing,
-    /// The place cannot be learned again.
-    #[error("this model knows no training views to reconstruct from: train it again")]
+    /// Neither the place nor a look can go on learning.
+    #[error("this model knows no training views to learn from: train it again")]
     NoTrainingViews,
     /// A picture or an asset is unusable.
     #[error(transparent)]
@@ -160,8 +165,9 @@ pub fn evaluate(
         gallery: options.gallery.map(|plan| Gallery::new(plan, paintings)),
     };
     let mut methods = BTreeMap::from([(PHOTO.to_owned(), bench.photo(paintings.len())?)]);
-    let ours = bench.ours(model, (&cameras, options), tick)?;
-    methods.insert(OURS.to_owned(), ours);
+    for (name, result) in ours(&mut bench, model, (&cameras, options), tick)? {
+        methods.insert(name.to_owned(), result);
+    }
     let third = options.reconstruct.filter(|_| !options.against.is_empty());
     let third = third.map(|how| (how, photos((model, options.supersampling))));
     for stylizer in options.against {
@@ -187,6 +193,31 @@ pub fn evaluate(
     })
 }
 
+/// The model's looks as they are predicted and, where that is wanted, refined.
+fn ours(
+    bench: &mut Bench<'_>,
+    model: &Model,
+    (cameras, options): (&[Camera], &EvalOptions<'_>),
+    tick: &mut dyn FnMut(),
+) -> Result<Vec<(&'static str, MethodResult)>, EvalError> {
+    let mut predicted = |painting: &RgbImage| {
+        let inspiration = model.inspiration(painting)?;
+        model.look(&inspiration).ok_or(EvalError::Unstyled)
+    };
+    let looks = (OURS, &mut predicted as _);
+    let mut results = vec![(OURS, bench.ours(model, looks, (cameras, options), tick)?)];
+    if let Some(budget) = options.refine {
+        let mut refinement = Refinement::new(model)?.ok_or(EvalError::NoTrainingViews)?;
+        let mut refined = |painting: &RgbImage| {
+            let look = refinement.look(&[(painting, 1.0)], budget, &mut |_| {})?;
+            look.ok_or(EvalError::Unstyled)
+        };
+        let looks = (REFINED, &mut refined as _);
+        results.push((REFINED, bench.ours(model, looks, (cameras, options), tick)?));
+    }
+    Ok(results)
+}
+
 /// Sets every method's [`MethodResult::over_photo`].
 fn compare_with_photo(methods: &mut BTreeMap<String, MethodResult>) {
     let floor = methods
@@ -208,10 +239,11 @@ fn compare_with_photo(methods: &mut BTreeMap<String, MethodResult>) {
 
 impl EvalOptions<'_> {
     /// Pictures that [`evaluate`] makes one by one, of held-out views and of the walk: renders,
-    /// unstylised and then once for every group of paintings, what each compared method makes of
+    /// unstylised and then once for every group of paintings (twice with refined looks), what each compared method makes of
     /// them with each painting, and renders of every reconstruction.
     pub fn pictures(&self, model: &Model) -> usize {
-        let rendered = 1 + self.paintings.len().div_ceil(GROUP);
+        let kinds = 1 + usize::from(self.refine.is_some());
+        let rendered = 1 + kinds * self.paintings.len().div_ceil(GROUP);
         let painted = self.against.len() * self.paintings.len();
         let again = self.reconstruct.map_or(0, |how| {
             self.against.len() * how.paintings.min(self.paintings.len())

@@ -90,6 +90,7 @@ fn a_place_is_reconstructed_from_its_stylised_views() {
         supersampling: 2,
         gallery: None,
         against: &[&Whitewash],
+        refine: Some(Budget::Steps(40)),
         reconstruct: Some(Reconstruct {
             budget: Budget::Steps(150),
             paintings: 1,
@@ -97,12 +98,15 @@ fn a_place_is_reconstructed_from_its_stylised_views() {
     };
     let mut ticks = 0;
     let found = evaluate(&model, &options, &mut || ticks += 1).unwrap();
-    // Views and walk unstylised, of both paintings together, of each by the other method, and of
-    // the one that was reconstructed.
+    // Views and walk unstylised, of both paintings together as predicted and refined, of each by the
+    // other method, and of the one that was reconstructed.
     let views = found.methods["photo"].fidelity.views;
-    let wanted = 5 * (views + path.len());
+    let wanted = 6 * (views + path.len());
     assert_eq!((ticks, options.pictures(&model)), (wanted, wanted));
     reconstruction_is_whitewashed(&found);
+    let gain = |name: &str| found.methods[name].fidelity.style_gain;
+    let (predicted, refined) = (gain("impasto"), gain("impasto_refined"));
+    assert!(refined > predicted, "{predicted} {refined}");
     depth_is_known(&found);
     let photo = found.methods["photo"].over_photo.unwrap();
     assert!(
@@ -113,11 +117,14 @@ fn a_place_is_reconstructed_from_its_stylised_views() {
 
     let without = EvalOptions {
         path: &[],
+        refine: None,
         reconstruct: None,
         ..options
     };
     let found = evaluate(&model, &without, &mut || ()).unwrap();
-    assert!(!found.methods.contains_key("whitewash_reconstructed"));
+    for left_out in ["whitewash_reconstructed", "impasto_refined"] {
+        assert!(!found.methods.contains_key(left_out));
+    }
     assert!(found.reconstructed.is_none() && found.depth_error.is_none());
     assert!(found.methods["photo"].true_depth.is_none());
 }

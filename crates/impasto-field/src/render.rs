@@ -280,7 +280,8 @@ impl Geometry {
                 let known = known.map(|k| k.clone().slice_dim(0, range));
                 let positions = samples.positions(dimensions);
                 let features = features.clone()?;
-                Some(appearance.shade(features, &positions, &samples.views, known))
+                let places = (&positions, samples.spreads.as_slice());
+                Some(appearance.shade(features, places, &samples.views, known))
             });
         let mut colours: Vec<_> = colours.collect();
         match colours.len() {

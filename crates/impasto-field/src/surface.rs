@@ -122,10 +122,23 @@ impl<'a> Merged<'a> {
         mean_of(&local, &self.features, self.width, &mut self.rows);
         mean_of(&local, &source.raw, self.dimensions, &mut merged.raw);
         mean_of(&local, &source.cube, 3, &mut merged.cube);
+        let points = &source.cube[3 * local.start..3 * local.end];
+        let mean = &merged.cube[merged.cube.len() - 3..];
+        merged.spreads.push(spread(points, mean, &weights));
         mean_of(&local, &source.views, 3, &mut merged.views);
         mean_of(span, &layout.depths, 1, &mut self.depths);
         mean_of(span, &layout.distances, 1, &mut self.distances);
     }
+}
+
+/// Standard deviation of points, `n × 3`, about their weighted mean.
+fn spread(points: &[f32], mean: &[f32], weights: &[f32]) -> f32 {
+    let squares = points.chunks_exact(3).map(|point| -> f32 {
+        let off = point.iter().zip(mean).map(|(x, mean)| (x - mean).powi(2));
+        off.sum()
+    });
+    let weighed = squares.zip(weights).map(|(square, weight)| weight * square);
+    weighed.sum::<f32>().sqrt()
 }
 
 /// Weights that sum to one; all on the last, the farthest, if none carries light.
@@ -137,5 +150,22 @@ fn normalised(weights: &[f32]) -> Vec<f32> {
         let mut last = vec![0.0; weights.len()];
         last.iter_mut().rev().take(1).for_each(|w| *w = 1.0);
         last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_from_one_place_has_no_spread() {
+        // Along x at 0, 0.2 and 0.4.
+        let points = [0.0, 0.5, 0.5, 0.2, 0.5, 0.5, 0.4, 0.5, 0.5];
+        let found = |weights: [f32; 3], mean: f32| spread(&points, &[mean, 0.5, 0.5], &weights);
+        assert!(found([0.0, 1.0, 0.0], 0.2).abs() < 1e-6);
+        assert!((found([0.5, 0.0, 0.5], 0.2) - 0.2).abs() < 1e-6);
+        // 0.25 * 0.15² + 0.5 * 0.05² + 0.25 * 0.25², about 0.15.
+        let uneven = (0.25 * 0.0225 + 0.5 * 0.0025 + 0.25 * 0.0625_f32).sqrt();
+        assert!((found([0.25, 0.5, 0.25], 0.15) - uneven).abs() < 1e-6);
     }
 }

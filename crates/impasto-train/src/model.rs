@@ -140,19 +140,29 @@ impl Model {
     /// configuration trusts it, by one linear map of all colours, the same everywhere, so that
     /// views keep agreeing.
     pub fn look(&self, inspiration: &Inspiration) -> Option<Look> {
+        let appearance = self.predicted(&inspiration.code)?;
+        Some(self.look_of(appearance, &inspiration.palette))
+    }
+
+    /// W^app that the hypernetworks give for an emphasised code.
+    pub(crate) fn predicted(&self, code: &StyleCode) -> Option<Appearance> {
         let config = &self.file.config;
-        let (style, settings) = (self.file.style.as_ref()?, &config.style);
-        let code = inspiration.code.scaled(settings.emphasis);
+        let code = code.scaled(config.style.emphasis);
+        let style = self.file.style.as_ref()?;
         let levels = style.appearances(config, &code, &self.device);
-        let appearance = levels.into_iter().next_back()?;
-        let recolouring = match settings.palette_trust {
+        levels.into_iter().next_back()
+    }
+
+    /// The look of an appearance, moved towards a palette.
+    pub(crate) fn look_of(&self, appearance: Appearance, palette: &Palette) -> Look {
+        let recolouring = match self.file.config.style.palette_trust {
             0.0 => None,
-            trust => self.recolouring(&appearance, &inspiration.palette, trust),
+            trust => self.recolouring(&appearance, palette, trust),
         };
-        Some(Look {
+        Look {
             appearance,
             recolouring,
-        })
+        }
     }
 
     /// From the colours that an appearance has over the training views towards a palette.

@@ -3,14 +3,15 @@
 
 use crate::budget::Clock;
 use crate::config::TrainConfig;
+use crate::objective::{Losses, Objective, difference};
 use crate::painted;
 use crate::patches::{Frozen, FrozenPatch, PatchPool};
 use crate::rays::PhotoRays;
 use crate::styles::{Style, StyleSet};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use impasto_field::{Appearance, Canvas, Field};
 use impasto_kernels::ops::AdamParam;
-use impasto_style::{Hypernetwork, HypernetworkWeights, Perceptual, StyleCode, StyleError, losses};
+use impasto_style::{Hypernetwork, HypernetworkWeights, Perceptual, StyleCode, StyleError};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -188,13 +189,16 @@ impl StyleStage {
             }
             self.updates += 1;
         }
+        let styled = self.updates > self.config.style.style_warmup;
         // Every level has a loss of its own; the field's, which is rendered, is the last.
         let mut report = StyleReport::default();
         let losses = patch.levels.iter().zip(&looks).map(|(parts, look)| {
             painted::loss_of(parts, look, |colours| {
                 let losses = match palette {
                     true => self.palette_loss(colours, patch, style),
-                    false => self.perceptual_losses(colours, patch, style),
+                    false => self
+                        .objective()
+                        .losses(colours, patch, (&style.target, styled)),
                 };
                 report = losses.report(patch.rays());
                 losses.total
@@ -238,34 +242,11 @@ impl StyleStage {
         }
     }
 
-    fn perceptual_losses(&self, rays: Tensor<2>, patch: &FrozenPatch, style: &Style) -> Losses {
-        let settings = &self.config.style;
-        let colours = self.patches.averaged(rays.clone());
-        let traced = self.vgg.traced(colours.clone());
-        let (content, likeness) = losses::content_and_style(
-            &traced,
-            &patch.features,
-            &style.target,
-            settings.style_reduction,
-        );
-        let mut total = content.clone() * settings.content_weight;
-        if self.updates > settings.style_warmup {
-            let ease = match settings.weigh_paintings {
-                true => self.patches.ease(&style.target),
-                false => 1.0,
-            };
-            total = total + likeness.clone() * (settings.style_weight * ease);
-        }
-        if settings.photo_weight > 0.0 {
-            total = total + difference(colours, patch.pixels.clone()) * settings.photo_weight;
-        }
-        if settings.roughness_weight > 0.0 {
-            total = total + self.patches.roughness(rays) * settings.roughness_weight;
-        }
-        Losses {
-            total,
-            content: Some(content),
-            style: Some(likeness),
+    fn objective(&self) -> Objective<'_> {
+        Objective {
+            settings: &self.config.style,
+            vgg: &self.vgg,
+            patches: &self.patches,
         }
     }
 
@@ -288,29 +269,4 @@ impl StyleStage {
         let fade = settings.final_rate.powf(clock.progress() as f32) * warm;
         (settings.rate * fade, settings.canvas_rate * fade)
     }
-}
-
-/// Losses of one update, in its graph.
-struct Losses {
-    total: Tensor<1>,
-    content: Option<Tensor<1>>,
-    style: Option<Tensor<1>>,
-}
-
-impl Losses {
-    fn report(&self, rays: usize) -> StyleReport {
-        let number = |t: &Tensor<1>| f64::from(t.clone().inner().into_scalar::<f32>());
-        StyleReport {
-            loss: number(&self.total),
-            content: self.content.as_ref().map(number),
-            style: self.style.as_ref().map(number),
-            rays,
-        }
-    }
-}
-
-/// Mean squared difference to pixels of the same shape.
-fn difference(colours: Tensor<3>, pixels: Vec<f32>) -> Tensor<1> {
-    let wanted = Tensor::from_data(TensorData::new(pixels, colours.dims()), &colours.device());
-    (colours - wanted).square().mean()
 }

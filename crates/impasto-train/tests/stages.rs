@@ -8,12 +8,13 @@ use burn::tensor::Device;
 use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
 use impasto_paintings::{Family, Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
-use impasto_scene::{LoadOptions, Scene, load, metrics};
+use impasto_scene::{Camera, LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::config::StyleConfig;
 use impasto_train::{
-    Budget, Clock, Event, Frozen, GeometryStage, Model, ModelFile, ModelPhoto, ModelScene, Quality,
-    Stages, StyleReport, StyleSet, StyleStage, TrainConfig, TrainOptions, photo_rays, train,
+    Budget, Clock, Event, Frozen, GeometryStage, Look, Model, ModelFile, ModelPhoto, ModelScene,
+    Quality, Refinement, Stages, StyleReport, StyleSet, StyleStage, TrainConfig, TrainOptions,
+    TrainSummary, photo_rays, train,
 };
 
 fn small() -> TrainConfig {
@@ -301,12 +302,11 @@ fn a_run_of_the_papers_architecture_does_too() {
     write_and_read(small_paper());
 }
 
-fn write_and_read(config: TrainConfig) {
-    let (dir, scene) = capture(9);
-    let output = dir.path().join("model");
+/// A run of both stages on a capture, into the folder `model` of it.
+fn run(dir: &tempfile::TempDir, config: TrainConfig, sink: &mut dyn FnMut(&Event)) -> TrainSummary {
     let options = TrainOptions {
         scene: dir.path().to_owned(),
-        output: output.clone(),
+        output: dir.path().join("model"),
         styles: None,
         encoder: None,
         cache: None,
@@ -317,13 +317,18 @@ fn write_and_read(config: TrainConfig) {
         format: None,
         seed: 1,
     };
+    train(&options, sink).unwrap()
+}
+
+fn write_and_read(config: TrainConfig) {
+    let (dir, scene) = capture(9);
+    let output = dir.path().join("model");
     let mut stages = Vec::new();
-    let summary = train(&options, &mut |event| {
+    let summary = run(&dir, config, &mut |event| {
         if let Event::Validation { psnr, .. } = event {
             stages.push(*psnr);
         }
-    })
-    .unwrap();
+    });
     assert_eq!(stages, [summary.psnr]);
     assert!(summary.synthetic && summary.psnr.is_finite());
     let [one, two] = [(); 2].map(|()| Model::load(&output).unwrap());
@@ -359,4 +364,58 @@ fn the_same_seed_gives_the_same_field() {
         file.weights.inner.base.try_into_vec_as::<f32>().unwrap()
     });
     assert_eq!(one, two);
+}
+
+/// Style distance of a view to a painting, by statistics of the whole.
+fn apart(model: &Model, look: &Look, (camera, painting): (&Camera, &image::RgbImage)) -> f64 {
+    let vgg = Perceptual::vgg16().unwrap();
+    let view = model.render(camera, &[look]).image(0);
+    let statistics = |image: &image::RgbImage| {
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        let features = vgg.features(&picture(image), height, width);
+        features.unwrap().statistics
+    };
+    f64::from(statistics(&view).distance(&statistics(painting)))
+}
+
+#[test]
+fn a_refined_look_is_nearer_to_its_painting() {
+    for config in [small(), small_paper()] {
+        let (dir, scene) = capture(9);
+        let output = dir.path().join("model");
+        let config = TrainConfig {
+            style: StyleConfig {
+                generated: 4,
+                ..config.style
+            },
+            ..config
+        };
+        run(&dir, config, &mut |_| ());
+        let model = Model::load(&output).unwrap();
+        let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
+        let seen = (&scene.photos[0].camera, &painting);
+        let predicted = model.look(&model.inspiration(&painting).unwrap()).unwrap();
+        let refined = || {
+            let mut shares = Vec::new();
+            let mut refinement = Refinement::new(&model).unwrap().unwrap();
+            let look = refinement.look(&[(&painting, 2.0)], Budget::Steps(40), &mut |share| {
+                shares.push(share);
+            });
+            assert_eq!((shares.len(), shares.last()), (40, Some(&1.0)));
+            look.unwrap().unwrap()
+        };
+        let look = refined();
+        let [before, after] = [&predicted, &look].map(|look| apart(&model, look, seen));
+        assert!(after < 0.8 * before, "{before} {after}");
+        let pixels = |look: &Look| model.render(seen.0, &[look]).pixels;
+        assert_eq!(pixels(&look), pixels(&refined()), "the same every time");
+
+        let mut refinement = Refinement::new(&model).unwrap().unwrap();
+        let weightless = refinement.look(&[(&painting, 0.0)], Budget::Steps(1), &mut |_| ());
+        assert!(weightless.unwrap().is_none());
+        let mut plain = ModelFile::load(&output, &Device::flex()).unwrap();
+        plain.style = None;
+        let plain = Model::from_file(plain, Device::flex());
+        assert!(Refinement::new(&plain).unwrap().is_none());
+    }
 }

@@ -5,7 +5,7 @@ mod styles;
 mod views;
 
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use impasto::scene::Camera;
@@ -15,7 +15,7 @@ use serde_json::json;
 use self::styles::Styles;
 use self::views::ViewSource;
 use super::progress::Frames;
-use super::values::{StyleArg, clock, share, size};
+use super::values::{StyleArg, clock, duration, share, size};
 use super::{Answer, CliError};
 use crate::output::{Frame, Target, picture};
 
@@ -36,8 +36,12 @@ pub struct RenderArgs {
     /// From the photos' colours (0) to the style's (1)
     #[arg(long, value_name = "0..1", default_value = "1", value_parser = share, requires = "styles")]
     strength: f32,
+    /// Let each style's look go on learning from its painting for this long, e.g. 15s, so that it
+    /// comes closer: what is rendered at once is a prediction
+    #[arg(long, value_name = "TIME", value_parser = duration, requires = "styles")]
+    refine: Option<Duration>,
     /// Between two styles N looks in a row, between four N×N in a square, of the first view; PNG only
-    #[arg(long, value_name = "N", requires = "styles", conflicts_with_all = ["frames", "depth"],
+    #[arg(long, value_name = "N", requires = "styles", conflicts_with_all = ["frames", "depth", "refine"],
           value_parser = clap::value_parser!(u16).range(2..=between::MOST))]
     interpolate: Option<u16>,
     /// Viewpoints: train, test (those of the photos), orbit, spiral, or a camera path's JSON file
@@ -93,7 +97,7 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     let styles = Styles::read(&args.styles)?;
     target.check()?;
     let model = Model::load(&args.model)?;
-    let variants = styles.variants(&model)?;
+    let variants = styles.variants(&model, args.refine)?;
     let names: Vec<String> = variants.iter().map(|v| v.name.clone()).collect();
     let views = views::views(&model, &args.views, args.size, args.frames)?;
 

@@ -2,13 +2,15 @@
 
 use std::collections::HashSet;
 use std::path::Path;
+use std::time::Duration;
 
 use image::RgbImage;
 use impasto::scene::{SceneError, read_rgb};
-use impasto::{Inspiration, Model};
+use impasto::{Budget, Inspiration, Look, Model, Refinement};
 
 use super::Variant;
 use crate::cli::CliError;
+use crate::cli::progress::Share;
 use crate::cli::values::StyleArg;
 
 /// The paintings, read, and what to do with them.
@@ -54,33 +56,74 @@ impl Styles {
         matches!(self, Self::Photo)
     }
 
-    /// The looks that the model gives them.
-    pub fn variants(&self, model: &Model) -> Result<Vec<Variant>, CliError> {
-        let variant = |name: &str, inspiration: &Inspiration| -> Result<Variant, CliError> {
-            Ok(Variant {
-                name: name.to_owned(),
-                look: model.look(inspiration).ok_or(CliError::Unstyled)?,
-            })
-        };
-        match self {
-            Self::Photo => Ok(vec![Variant {
-                name: "photo".into(),
-                look: model.photo_look(),
-            }]),
-            Self::Each(images) => images
-                .iter()
-                .map(|(name, image)| variant(name, &model.inspiration(image)?))
-                .collect(),
-            Self::Mix(images) => {
-                let inspirations = images
-                    .iter()
-                    .map(|(image, weight)| Ok((model.inspiration(image)?, *weight)))
-                    .collect::<Result<Vec<_>, CliError>>()?;
-                let mix = Inspiration::mix(&inspirations).ok_or_else(Self::weightless)?;
-                Ok(vec![variant("mix", &mix)?])
+    /// The looks that the model gives them, each refined for so long.
+    pub fn variants(
+        &self,
+        model: &Model,
+        refine: Option<Duration>,
+    ) -> Result<Vec<Variant>, CliError> {
+        let wanted: Vec<(&str, Vec<(&RgbImage, f32)>)> = match self {
+            Self::Photo => {
+                return Ok(vec![Variant {
+                    name: "photo".into(),
+                    look: model.photo_look(),
+                }]);
             }
-        }
+            Self::Each(images) => {
+                let one = |(name, image)| (name, vec![(image, 1.0)]);
+                images.iter().map(|(n, i)| one((n.as_str(), i))).collect()
+            }
+            Self::Mix(images) => {
+                let all = images.iter().map(|(image, weight)| (image, *weight));
+                vec![("mix", all.collect())]
+            }
+        };
+        let looks = match refine {
+            Some(time) => refined(model, &wanted, time)?,
+            None => {
+                let looks = wanted.iter().map(|(_, paintings)| look(model, paintings));
+                looks.collect::<Result<_, _>>()?
+            }
+        };
+        let names = wanted.iter().map(|(name, _)| (*name).to_owned());
+        let variants = names.zip(looks);
+        Ok(variants
+            .map(|(name, look)| Variant { name, look })
+            .collect())
     }
+}
+
+/// The look that a model predicts for paintings mixed by weight.
+fn look(model: &Model, paintings: &[(&RgbImage, f32)]) -> Result<Look, CliError> {
+    let inspirations = paintings
+        .iter()
+        .map(|(image, weight)| Ok((model.inspiration(image)?, *weight)))
+        .collect::<Result<Vec<_>, CliError>>()?;
+    let mix = Inspiration::mix(&inspirations).ok_or_else(Styles::weightless)?;
+    model.look(&mix).ok_or(CliError::Unstyled)
+}
+
+/// The same after each has gone on learning for so long.
+fn refined(
+    model: &Model,
+    wanted: &[(&str, Vec<(&RgbImage, f32)>)],
+    time: Duration,
+) -> Result<Vec<Look>, CliError> {
+    if !model.has_style() {
+        return Err(CliError::Unstyled);
+    }
+    let no_views = || CliError::Refused("this model knows no training views to learn from".into());
+    let mut refinement = Refinement::new(model)?.ok_or_else(no_views)?;
+    let mut bar = Share::new("refine");
+    let mut looks = Vec::with_capacity(wanted.len());
+    for (i, (name, paintings)) in wanted.iter().enumerate() {
+        let mut show = |progress: f64| {
+            bar.show((i as f64 + progress) / wanted.len() as f64, name);
+        };
+        let look = refinement.look(paintings, Budget::Time(time), &mut show)?;
+        looks.push(look.ok_or_else(Styles::weightless)?);
+    }
+    Ok(looks)
 }
 
 /// Reads one style image.

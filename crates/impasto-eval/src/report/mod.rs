@@ -8,7 +8,7 @@ mod tables;
 mod viewer;
 mod words;
 
-use crate::evaluate::{Evaluation, MethodResult, OURS, PHOTO};
+use crate::evaluate::{Evaluation, MethodResult, OURS, PHOTO, REFINED};
 use crate::guards::Guard;
 use crate::page::escaped;
 use image::ImageError;
@@ -222,7 +222,8 @@ fn ordered(evaluation: &Evaluation) -> Vec<Row<'_>> {
     rows.sort_by_key(|(name, _)| match *name {
         PHOTO => 0,
         OURS => 1,
-        _ => 2,
+        REFINED => 2,
+        _ => 3,
     });
     rows
 }
@@ -233,10 +234,10 @@ fn range_of(result: &MethodResult, range: usize) -> Option<&crate::consistency::
     found.as_ref().filter(|found| found.pairs > 0)
 }
 
-/// Whether a method looks at pictures alone: all but the floor, the model's own, and fields that
-/// were reconstructed from stylised pictures.
+/// Whether a method looks at pictures alone: all but the floor, the model's own looks, and fields
+/// that were reconstructed from stylised pictures.
 fn two_dimensional(name: &str) -> bool {
-    name != PHOTO && name != OURS && !name.ends_with(crate::reconstruct::RECONSTRUCTED)
+    ![PHOTO, OURS, REFINED].contains(&name) && !name.ends_with(crate::reconstruct::RECONSTRUCTED)
 }
 
 /// The least E of the methods that pass the guards and that `eligible` names.

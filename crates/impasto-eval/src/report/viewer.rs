@@ -1,7 +1,7 @@
 //! Two methods' walks side by side, to see them flicker.
 
 use super::words::full_title;
-use crate::evaluate::{OURS, PHOTO};
+use crate::evaluate::{OURS, PHOTO, REFINED};
 use crate::gallery::Gallery;
 use crate::page::{data_url, escaped};
 use image::{ImageError, RgbImage};
@@ -108,7 +108,7 @@ fn page(
     };
     let titles: Vec<&str> = methods.iter().map(|(_, m)| m.title.as_str()).collect();
     let ours = methods.iter().position(|(name, _)| *name == OURS);
-    let other = |(name, _): &(&str, Films)| *name != OURS && *name != PHOTO;
+    let other = |(name, _): &(&str, Films)| ![OURS, PHOTO, REFINED].contains(name);
     let other = methods.iter().position(other);
     // Against a compared method if there is one, else against the unstylised frames.
     let photo = methods.iter().position(|(name, _)| *name == PHOTO);

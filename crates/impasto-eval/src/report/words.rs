@@ -1,14 +1,15 @@
 //! Names and numbers as a reader sees them.
 
 use crate::consistency::Consistency;
-use crate::evaluate::{OURS, PHOTO};
+use crate::evaluate::{OURS, PHOTO, REFINED};
 use crate::methods::TEMPORAL;
 use crate::reconstruct::RECONSTRUCTED;
 
 /// Names as their papers write them.
-const WRITTEN: [(&str, &str); 8] = [
+const WRITTEN: [(&str, &str); 9] = [
     (PHOTO, "Photo"),
     (OURS, "Impasto"),
+    (REFINED, "Impasto"),
     ("adain", "AdaIN"),
     ("lst", "LST"),
     ("mccnet", "MCCNet"),
@@ -27,6 +28,7 @@ pub(super) fn title(method: &str) -> (String, &'static str) {
         let how = match method {
             PHOTO => "unstylised, the floor",
             OURS => "this model",
+            REFINED => "this model, each look refined",
             _ => "frame by frame",
         };
         (method, how)

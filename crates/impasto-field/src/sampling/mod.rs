@@ -71,6 +71,9 @@ pub struct VolumeSamples {
     pub cube: Vec<f32>,
     /// `n × 3`, unit view directions.
     pub views: Vec<f32>,
+    /// Of merged samples `n`: standard deviation, in the unit cube, of where their light comes from.
+    /// Empty for single points.
+    pub spreads: Vec<f32>,
 }
 
 impl VolumeSamples {
@@ -113,6 +116,8 @@ impl VolumeSamples {
             raw: pick(&self.raw, dimensions),
             cube: pick(&self.cube, 3),
             views: pick(&self.views, 3),
+            // Samples of a ray are taken apart before they are merged.
+            spreads: Vec::new(),
         }
     }
 
@@ -134,6 +139,8 @@ impl VolumeSamples {
             raw: pick(&self.raw, dimensions),
             cube: pick(&self.cube, 3),
             views: pick(&self.views, 3),
+            // Samples of a ray are taken apart before they are merged.
+            spreads: Vec::new(),
         }
     }
 }

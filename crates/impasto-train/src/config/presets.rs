@@ -54,7 +54,13 @@ impl TrainConfig {
                 hidden: vec![96, 96],
                 layer_norm: true,
                 view_bands: Some(2),
-                canvas: None,
+                canvas: Some(EncodingConfig::HashGrid {
+                    levels: 5,
+                    features: 4,
+                    log2_entries: 16,
+                    coarsest: 24.0,
+                    finest: 256.0,
+                }),
                 shading: Shading::Surface,
                 remap: false,
                 latent: None,
@@ -81,9 +87,7 @@ impl TrainConfig {
                 content_target: ContentTarget::Render,
                 view_dependent_style: false,
                 photo_weight: 0.0,
-                // On `fox`, 1,800 steps: 300 takes a quarter off E for 0.04 of style gain, 3000 three
-                // fifths for 0.09.
-                roughness_weight: 1500.0,
+                roughness_weight: 300.0,
                 palette_share: 0.12,
                 palette_rate: 1e-3,
                 rate: 1e-3,

@@ -1,0 +1,78 @@
+//! What the style stage asks of a painted patch (PAPER §8).
+
+use crate::config::StyleConfig;
+use crate::patches::{FrozenPatch, PatchPool};
+use crate::style_stage::StyleReport;
+use burn::tensor::{Tensor, TensorData};
+use impasto_style::{Perceptual, Statistics, losses};
+
+/// Perceptual losses of painted patches.
+pub(crate) struct Objective<'a> {
+    pub(crate) settings: &'a StyleConfig,
+    pub(crate) vgg: &'a Perceptual,
+    pub(crate) patches: &'a PatchPool,
+}
+
+/// Losses of one update, in its graph.
+pub(crate) struct Losses {
+    pub(crate) total: Tensor<1>,
+    pub(crate) content: Option<Tensor<1>>,
+    pub(crate) style: Option<Tensor<1>>,
+}
+
+impl Objective<'_> {
+    /// Losses of the colours of a patch's rays, with the style loss only where there is a target
+    /// that counts.
+    ///
+    /// # Shapes
+    /// `colours`: `[rays, 3 or more]`.
+    pub(crate) fn losses(
+        &self,
+        colours: Tensor<2>,
+        patch: &FrozenPatch,
+        (target, styled): (&Statistics, bool),
+    ) -> Losses {
+        let settings = self.settings;
+        let pixels = self.patches.averaged(colours.clone());
+        let traced = self.vgg.traced(pixels.clone());
+        let (content, likeness) =
+            losses::content_and_style(&traced, &patch.features, target, settings.style_reduction);
+        let mut total = content.clone() * settings.content_weight;
+        if styled {
+            let ease = match settings.weigh_paintings {
+                true => self.patches.ease(target),
+                false => 1.0,
+            };
+            total = total + likeness.clone() * (settings.style_weight * ease);
+        }
+        if settings.photo_weight > 0.0 {
+            total = total + difference(pixels, patch.pixels.clone()) * settings.photo_weight;
+        }
+        if settings.roughness_weight > 0.0 {
+            total = total + self.patches.roughness(colours) * settings.roughness_weight;
+        }
+        Losses {
+            total,
+            content: Some(content),
+            style: Some(likeness),
+        }
+    }
+}
+
+impl Losses {
+    pub(crate) fn report(&self, rays: usize) -> StyleReport {
+        let number = |t: &Tensor<1>| f64::from(t.clone().inner().into_scalar::<f32>());
+        StyleReport {
+            loss: number(&self.total),
+            content: self.content.as_ref().map(number),
+            style: self.style.as_ref().map(number),
+            rays,
+        }
+    }
+}
+
+/// Mean squared difference to pixels of the same shape.
+pub(crate) fn difference(colours: Tensor<3>, pixels: Vec<f32>) -> Tensor<1> {
+    let wanted = Tensor::from_data(TensorData::new(pixels, colours.dims()), &colours.device());
+    (colours - wanted).square().mean()
+}
