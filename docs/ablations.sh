@@ -38,7 +38,7 @@ variants=(
     "strides 1/1, 1/1|--set style.strides={\"paper\":[1,1]}"
     "patch 34x40|--set style.patch=[34,40]"
     "roughness not weighed|--set style.roughness_weight=0"
-    "a canvas|--set style_app.canvas={\"hash_grid\":{\"levels\":4,\"features\":4,\"log2_entries\":16,\"coarsest\":24.0,\"finest\":256.0}}"
+    "no canvas|--set style_app.canvas=null"
 )
 
 printf '| variant | style gain | retrieval | style loss | content loss |\n|---|---|---|---|---|\n'

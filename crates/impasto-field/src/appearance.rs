@@ -31,7 +31,8 @@ pub struct AppearanceConfig {
     /// Octaves of the unit view direction that `app` sees; `None` hides the direction.
     pub view_bands: Option<usize>,
     /// A position encoding of `app`'s own, learned with it and shared by all styles: where brush
-    /// strokes live that the smooth base features cannot place.
+    /// strokes live that the smooth base features cannot place. Shaded once per ray, its levels fade
+    /// where the ray's light comes from a stretch wider than their cells.
     pub canvas: Option<EncodingConfig>,
     /// Where it is evaluated.
     pub shading: Shading,
@@ -117,7 +118,8 @@ impl Appearance {
     /// would have.
     ///
     /// # Shapes
-    /// `features`: `[n, f]`; `views`: `n × 3` unit vectors; result and `known`: `[n, 3]` in
+    /// `features`: `[n, f]`; spreads: `n`, or none for single points, see
+    /// [`VolumeSamples::spreads`](crate::sampling::VolumeSamples); `views`: `n × 3` unit vectors; result and `known`: `[n, 3]` in
     /// `(0, 1)`.
     pub(crate) fn shade(
         &self,

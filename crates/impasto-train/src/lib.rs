@@ -40,13 +40,14 @@ pub use event::{Event, Stage};
 pub use geometry_stage::{GeometryStage, StepReport};
 pub use model::{Inspiration, Look, Model, RenderedView};
 pub use model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
+pub use objective::StyleReport;
 pub use palette::{Palette, Recolouring};
 pub use patches::Frozen;
 pub use rays::{CameraRays, PhotoRays, photo_rays};
 pub use refine::Refinement;
 pub use style_cache::cache_folder;
 pub use style_folder::{StyleFile, StyleFolder};
-pub use style_stage::{StyleModel, StyleReport, StyleStage};
+pub use style_stage::{StyleModel, StyleStage};
 pub use styles::{
     FIRST_GENERATED, MOST_STYLES, Paintings, STYLE_SIDE, Style, StyleSet, StyleSources,
     read_paintings, whole,

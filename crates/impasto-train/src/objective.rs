@@ -2,7 +2,6 @@
 
 use crate::config::StyleConfig;
 use crate::patches::{FrozenPatch, PatchPool};
-use crate::style_stage::StyleReport;
 use burn::tensor::{Tensor, TensorData};
 use impasto_style::{Perceptual, Statistics, losses};
 
@@ -18,6 +17,19 @@ pub(crate) struct Losses {
     pub(crate) total: Tensor<1>,
     pub(crate) content: Option<Tensor<1>>,
     pub(crate) style: Option<Tensor<1>>,
+}
+
+/// What one step did, of a cascade the field's part of it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct StyleReport {
+    /// Total loss.
+    pub loss: f64,
+    /// Content loss, once the palette is learned.
+    pub content: Option<f64>,
+    /// Style loss, once the palette is learned.
+    pub style: Option<f64>,
+    /// Rays painted.
+    pub rays: usize,
 }
 
 impl Objective<'_> {

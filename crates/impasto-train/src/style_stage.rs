@@ -3,7 +3,7 @@
 
 use crate::budget::Clock;
 use crate::config::TrainConfig;
-use crate::objective::{Losses, Objective, difference};
+use crate::objective::{Losses, Objective, StyleReport, difference};
 use crate::painted;
 use crate::patches::{Frozen, FrozenPatch, PatchPool};
 use crate::rays::PhotoRays;
@@ -81,19 +81,6 @@ pub struct StyleStage {
     device: Device,
     /// Updates with perceptual losses so far.
     updates: u64,
-}
-
-/// What one step did, of a cascade the field's part of it.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct StyleReport {
-    /// Total loss.
-    pub loss: f64,
-    /// Content loss, once the palette is learned.
-    pub content: Option<f64>,
-    /// Style loss, once the palette is learned.
-    pub style: Option<f64>,
-    /// Rays painted.
-    pub rays: usize,
 }
 
 impl StyleStage {
