@@ -123,19 +123,23 @@ impl<'a> Merged<'a> {
         mean_of(&local, &source.raw, self.dimensions, &mut merged.raw);
         mean_of(&local, &source.cube, 3, &mut merged.cube);
         let points = &source.cube[3 * local.start..3 * local.end];
+        let spreads = source.spreads.get(local.clone()).unwrap_or_default();
         let mean = &merged.cube[merged.cube.len() - 3..];
-        merged.spreads.push(spread(points, mean, &weights));
+        let found = spread((points, spreads), mean, &weights);
+        merged.spreads.push(found);
         mean_of(&local, &source.views, 3, &mut merged.views);
         mean_of(span, &layout.depths, 1, &mut self.depths);
         mean_of(span, &layout.distances, 1, &mut self.distances);
     }
 }
 
-/// Standard deviation of points, `n × 3`, about their weighted mean.
-fn spread(points: &[f32], mean: &[f32], weights: &[f32]) -> f32 {
-    let squares = points.chunks_exact(3).map(|point| -> f32 {
+/// Standard deviation of points, `n × 3`, about their weighted mean; of points that were merged
+/// before, with their own, `n`.
+fn spread((points, own): (&[f32], &[f32]), mean: &[f32], weights: &[f32]) -> f32 {
+    let own = own.iter().copied().chain(std::iter::repeat(0.0));
+    let squares = points.chunks_exact(3).zip(own).map(|(point, own)| {
         let off = point.iter().zip(mean).map(|(x, mean)| (x - mean).powi(2));
-        off.sum()
+        off.sum::<f32>() + own.powi(2)
     });
     let weighed = squares.zip(weights).map(|(square, weight)| weight * square);
     weighed.sum::<f32>().sqrt()
@@ -161,11 +165,18 @@ mod tests {
     fn light_from_one_place_has_no_spread() {
         // Along x at 0, 0.2 and 0.4.
         let points = [0.0, 0.5, 0.5, 0.2, 0.5, 0.5, 0.4, 0.5, 0.5];
-        let found = |weights: [f32; 3], mean: f32| spread(&points, &[mean, 0.5, 0.5], &weights);
+        let of = |own: &[f32], weights: [f32; 3], mean: f32| {
+            spread((&points, own), &[mean, 0.5, 0.5], &weights)
+        };
+        let found = |weights: [f32; 3], mean: f32| of(&[], weights, mean);
         assert!(found([0.0, 1.0, 0.0], 0.2).abs() < 1e-6);
         assert!((found([0.5, 0.0, 0.5], 0.2) - 0.2).abs() < 1e-6);
         // 0.25 * 0.15² + 0.5 * 0.05² + 0.25 * 0.25², about 0.15.
         let uneven = (0.25 * 0.0225 + 0.5 * 0.0025 + 0.25 * 0.0625_f32).sqrt();
         assert!((found([0.25, 0.5, 0.25], 0.15) - uneven).abs() < 1e-6);
+        // Merged before: their own spread remains, and adds to the one between them.
+        assert!((of(&[0.0, 0.3, 0.0], [0.0, 1.0, 0.0], 0.2) - 0.3).abs() < 1e-6);
+        let both = of(&[0.3, 0.0, 0.3], [0.5, 0.0, 0.5], 0.2);
+        assert!((both - (0.04 + 0.09_f32).sqrt()).abs() < 1e-6);
     }
 }
