@@ -398,10 +398,10 @@ fn a_refined_look_is_nearer_to_its_painting() {
         let refined = || {
             let mut shares = Vec::new();
             let mut refinement = Refinement::new(&model).unwrap().unwrap();
-            let look = refinement.look(&[(&painting, 2.0)], Budget::Steps(40), &mut |share| {
+            let look = refinement.look(&[(&painting, 2.0)], Budget::Steps(90), &mut |share| {
                 shares.push(share);
             });
-            assert_eq!((shares.len(), shares.last()), (40, Some(&1.0)));
+            assert_eq!((shares.len(), shares.last()), (90, Some(&1.0)));
             look.unwrap().unwrap()
         };
         let look = refined();
