@@ -239,8 +239,8 @@ fn compare_with_photo(methods: &mut BTreeMap<String, MethodResult>) {
 
 impl EvalOptions<'_> {
     /// Pictures that [`evaluate`] makes one by one, of held-out views and of the walk: renders,
-    /// unstylised and then once for every group of paintings (twice with refined looks), what each compared method makes of
-    /// them with each painting, and renders of every reconstruction.
+    /// unstylised and then once for every group of paintings (twice with refined looks), what each
+    /// compared method makes of them with each painting, and renders of every reconstruction.
     pub fn pictures(&self, model: &Model) -> usize {
         let kinds = 1 + usize::from(self.refine.is_some());
         let rendered = 1 + kinds * self.paintings.len().div_ceil(GROUP);

@@ -118,7 +118,7 @@ impl Appearance {
     /// would have.
     ///
     /// # Shapes
-    /// `features`: `[n, f]`; spreads: `n`, or none for single points, see
+    /// `features`: `[n, f]`; `spreads`: `n`, or none for single points, see
     /// [`VolumeSamples::spreads`](crate::sampling::VolumeSamples); `views`: `n × 3` unit vectors; result and `known`: `[n, 3]` in
     /// `(0, 1)`.
     pub(crate) fn shade(

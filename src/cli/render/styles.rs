@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use image::RgbImage;
+use impasto::eval::EvalError;
 use impasto::scene::{SceneError, read_rgb};
 use impasto::{Budget, Inspiration, Look, Model, Refinement};
 
@@ -112,8 +113,7 @@ fn refined(
     if !model.has_style() {
         return Err(CliError::Unstyled);
     }
-    let no_views = || CliError::Refused("this model knows no training views to learn from".into());
-    let mut refinement = Refinement::new(model)?.ok_or_else(no_views)?;
+    let mut refinement = Refinement::new(model)?.ok_or(EvalError::NoTrainingViews)?;
     let mut bar = Share::new("refine");
     let mut looks = Vec::with_capacity(wanted.len());
     for (i, (name, paintings)) in wanted.iter().enumerate() {
