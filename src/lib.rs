@@ -20,6 +20,7 @@
 //!     downscale: 1,
 //!     format: None,
 //!     seed: 0,
+//!     device: impasto::DeviceChoice::Auto.open()?.device,
 //! };
 //! let summary = train(&options, &mut |_event| ())?;
 //!
@@ -38,8 +39,8 @@ pub use impasto_paintings as paintings;
 pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
-    Budget, EncoderCheck, EncoderOptions, EncoderSummary, Event, Inspiration, Look, Model,
-    ModelPhoto, ModelScene, Refinement, RenderedView, Stage, Stages, TrainConfig, TrainError,
-    TrainOptions, TrainSummary, cache_folder, check_encoder, read_encoder, read_paintings, train,
-    train_encoder,
+    Budget, Device, DeviceChoice, EncoderCheck, EncoderOptions, EncoderSummary, Event, Inspiration,
+    Look, Model, ModelPhoto, ModelScene, NoDevice, Opened, Refinement, RenderedView, Stage, Stages,
+    TrainConfig, TrainError, TrainOptions, TrainSummary, cache_folder, check_encoder, gpus, is_cpu,
+    read_encoder, read_paintings, train, train_encoder,
 };

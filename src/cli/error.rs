@@ -9,7 +9,7 @@ use impasto::eval::study::StudyError;
 use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::paths::PathError;
-use impasto::{StyleError, TrainError};
+use impasto::{NoDevice, StyleError, TrainError};
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -23,6 +23,9 @@ pub enum CliError {
     /// Styles for a model without any.
     #[error("this model has learned no styles; train it with --stage style first")]
     Unstyled,
+    /// The device that was asked for.
+    #[error(transparent)]
+    Device(#[from] NoDevice),
     /// The capture.
     #[error(transparent)]
     Scene(#[from] SceneError),

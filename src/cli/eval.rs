@@ -16,6 +16,7 @@ use impasto::{Budget, Model, read_paintings};
 use impasto_bench::Machine;
 use serde_json::Value;
 
+use super::device::DeviceArgs;
 use super::methods::MethodArgs;
 use super::values::{clock, duration};
 use super::{Answer, CliError, progress, run_facts, to_json};
@@ -50,6 +51,8 @@ pub struct EvalArgs {
     /// Rays along each side of a rendered pixel: 2 takes four times as long and flickers less
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
     supersampling: u32,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Folder for a report: a page with pictures (report.html), tables (report.csv) and what --json
     /// prints (report.json)
     #[arg(short, long, value_name = "REPORT_DIR")]
@@ -65,7 +68,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
     if let Some(folder) = &args.output {
         check_folder(folder)?;
     }
-    let model = Model::load(&args.model)?;
+    let model = Model::load_on(&args.model, args.device.open()?)?;
     let read = read_paintings(&args.styles).map_err(CliError::read(&args.styles))?;
     let path = small_orbit(&model, args.frames, LONGEST)?;
     let opened = args.methods.open()?;

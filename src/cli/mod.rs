@@ -3,6 +3,7 @@
 mod bench;
 mod console;
 mod demo;
+mod device;
 mod error;
 mod eval;
 mod info;

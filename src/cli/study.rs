@@ -11,6 +11,7 @@ use impasto::eval::study::{
 use impasto::{Model, read_paintings};
 use serde_json::json;
 
+use super::device::DeviceArgs;
 use super::methods::MethodArgs;
 use super::{Answer, CliError, console, progress, to_json};
 use crate::output::{Staging, check_folder};
@@ -66,6 +67,8 @@ struct MakeArgs {
     /// Start of the random numbers that choose pairs and sides
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Folder for the page and the key
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -106,7 +109,7 @@ fn make(args: &MakeArgs) -> Result<Answer, CliError> {
             key.display()
         )));
     }
-    let model = Model::load(&args.model)?;
+    let model = Model::load_on(&args.model, args.device.open()?)?;
     let read = read_paintings(&args.styles).map_err(CliError::read(&args.styles))?;
     let opened = args.methods.open()?;
     let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();

@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use impasto::scene::Format;
 use impasto::{Budget, Stages, TrainConfig, TrainOptions, TrainSummary, cache_folder, train};
 
+use super::device::DeviceArgs;
 use super::values::{clock, duration};
 use super::{Answer, CliError, progress, settings};
 use crate::output::check_folder;
@@ -45,6 +46,8 @@ pub struct TrainArgs {
     /// TOML or JSON file with settings that differ from the preset's
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// One setting, e.g. style.style_weight=30; after the file's; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -122,6 +125,7 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
         downscale: args.downscale,
         format: args.format,
         seed: args.seed,
+        device: args.device.open()?,
     };
     let summary = watched(&options)?;
     Ok(Answer {

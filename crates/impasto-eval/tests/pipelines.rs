@@ -6,6 +6,7 @@ use image::{Rgb, RgbImage};
 use impasto_eval::methods::Stylizer;
 use impasto_eval::{EvalOptions, Evaluation, Reconstruct, evaluate};
 use impasto_field::EncodingConfig;
+use impasto_kernels::device::tested;
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::paths::orbit;
 use impasto_scene::{Camera, Split};
@@ -67,6 +68,7 @@ fn tiny_model() -> Model {
         downscale: 1,
         format: None,
         seed: 1,
+        device: tested(),
     };
     train(&options, &mut |_| ()).unwrap();
     Model::load(&options.output).unwrap()

@@ -4,8 +4,9 @@ use crate::appearance::{Appearance, AppearanceConfig, Shading};
 use crate::encoding::matrix;
 use crate::field::{Field, FieldWeights, Grids};
 use crate::sampling::{RayBatch, Samples, cascade, march};
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 use impasto_kernels::cpu::composite;
+use impasto_kernels::device::is_cpu;
 use impasto_kernels::{CompositeLayout, ops};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -308,8 +309,10 @@ pub struct RenderedRays {
 
 /// Samples with less weight than this are not shaded when rendering.
 const SHADE_LEAST: f32 = 1e-3;
-/// Rays rendered together by one thread: their features stay in its cache.
+/// Rays rendered together by one thread of a CPU: their features stay in its cache.
 const RENDER_CHUNK: usize = 128;
+/// Rays rendered together by a GPU, to keep all of it busy.
+const GPU_CHUNK: usize = 1 << 14;
 
 /// Renders rays without gradients; geometry is computed once for all appearances.
 pub fn render_rays(
@@ -319,9 +322,10 @@ pub fn render_rays(
     appearances: &[&Appearance],
     rays: &RayBatch,
 ) -> RenderedRays {
-    let chunks: Vec<RenderedRays> = chunks(rays)
-        .map(|(_, chunk)| render_chunk(field, weights, grids, appearances, &chunk))
-        .collect();
+    let device = weights.inner.encoding.device();
+    let chunks = in_chunks(rays, &device, usize::MAX, |_, chunk| {
+        render_chunk(field, weights, grids, appearances, &chunk)
+    });
     let mut out = RenderedRays {
         colours: vec![Vec::with_capacity(rays.len() * 3); appearances.len()],
         depth: Vec::with_capacity(rays.len()),
@@ -335,14 +339,32 @@ pub fn render_rays(
     out
 }
 
-/// Rays in groups that one thread handles at a time, with their numbers.
-fn chunks(rays: &RayBatch) -> impl IndexedParallelIterator<Item = (usize, RayBatch)> {
-    (0..rays.len().div_ceil(RENDER_CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let range = chunk * RENDER_CHUNK..((chunk + 1) * RENDER_CHUNK).min(rays.len());
-            (chunk, rays.part(range))
-        })
+/// Rays that a device handles at a time, where `most` have room, as far as that is reasonable.
+fn chunk_of(device: &Device, most: usize) -> usize {
+    match is_cpu(device) {
+        true => RENDER_CHUNK,
+        false => most.clamp(RENDER_CHUNK, GPU_CHUNK),
+    }
+}
+
+/// Does something with groups of rays and their numbers: on a CPU many at a time, one thread each;
+/// on a GPU one after the other, each wide enough for all of it.
+fn in_chunks<T: Send>(
+    rays: &RayBatch,
+    device: &Device,
+    most: usize,
+    work: impl Fn(usize, RayBatch) -> T + Sync,
+) -> Vec<T> {
+    let size = chunk_of(device, most);
+    let count = rays.len().div_ceil(size);
+    let one = |chunk: usize| {
+        let range = chunk * size..((chunk + 1) * size).min(rays.len());
+        work(chunk, rays.part(range))
+    };
+    match is_cpu(device) {
+        true => (0..count).into_par_iter().map(one).collect(),
+        false => (0..count).map(one).collect(),
+    }
 }
 
 /// Rays made ready for painting, whatever the style.
@@ -369,23 +391,22 @@ pub fn prepare_rays(
     rays: &RayBatch,
     seed: u64,
 ) -> Prepared {
-    let parts: Vec<(Vec<Geometry>, Option<Tensor<2>>)> = chunks(rays)
-        .map(|(chunk, rays)| {
-            let seed = seed.wrapping_add(chunk as u64);
-            let (first, geometry) = field.look_twice(weights, &rays, grids, Some(seed));
-            let geometry = geometry.contributing(least);
-            let colours =
-                photo.map(|photo| geometry.clone().prepared(&photo.config).composite(photo));
-            let first = first.map(|first| first.contributing(least));
-            let levels = first.into_iter().chain([geometry]);
-            (levels.map(|level| level.prepared(app)).collect(), colours)
-        })
-        .collect();
+    let device = weights.inner.encoding.device();
+    let parts = in_chunks(rays, &device, turn, |chunk, rays| {
+        let seed = seed.wrapping_add(chunk as u64);
+        let (first, geometry) = field.look_twice(weights, &rays, grids, Some(seed));
+        let geometry = geometry.contributing(least);
+        let colours = photo.map(|photo| geometry.clone().prepared(&photo.config).composite(photo));
+        let first = first.map(|first| first.contributing(least));
+        let levels = first.into_iter().chain([geometry]);
+        let levels: Vec<Geometry> = levels.map(|level| level.prepared(app)).collect();
+        (levels, colours)
+    });
     let (mut levels, mut colours) = (Vec::<Vec<Geometry>>::new(), Vec::new());
     let mut parts = parts.into_iter().peekable();
     while parts.peek().is_some() {
         let mut chunks: Vec<Vec<Geometry>> = Vec::new();
-        for (geometries, own) in parts.by_ref().take((turn / RENDER_CHUNK).max(1)) {
+        for (geometries, own) in parts.by_ref().take((turn / chunk_of(&device, turn)).max(1)) {
             chunks.resize_with(geometries.len(), Vec::new);
             for (level, geometry) in chunks.iter_mut().zip(geometries) {
                 level.push(geometry);

@@ -1,7 +1,7 @@
 //! Where samples go, and what light does with them.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Tensor;
 use impasto_field::loss::Wanted;
 use impasto_field::sphere::{self, from_outer_cube, outer_cube, outer_point};
 use impasto_field::{
@@ -10,6 +10,7 @@ use impasto_field::{
     prepare_rays, render::host, render_rays, sampling,
 };
 use impasto_kernels::DensityGrid;
+use impasto_kernels::device::tested;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -138,7 +139,7 @@ fn samples_stand_for_the_whole_ray() {
 
 #[test]
 fn grids_learn_where_the_field_is_dense() {
-    let device = Device::flex();
+    let device = tested();
     let field = Field::new(config(&hash_grid()));
     let mut rng = Pcg64::seed_from_u64(2);
     let weights = field.init(&mut rng, &device);
@@ -164,7 +165,7 @@ fn grids_learn_where_the_field_is_dense() {
 
 #[test]
 fn empty_space_still_renders() {
-    let device = Device::flex();
+    let device = tested();
     let field = Field::new(config(&hash_grid()));
     let grids = field.grids(0.0, None);
     let mut rng = Pcg64::seed_from_u64(1);
@@ -192,7 +193,7 @@ fn app() -> AppearanceConfig {
 
 #[test]
 fn few_samples_carry_the_light() {
-    let device = Device::flex();
+    let device = tested();
     for encoding in [hash_grid(), EncodingConfig::Frequency { bands: 4 }] {
         let field = Field::new(config(&encoding));
         let weights = field.init(&mut Pcg64::seed_from_u64(5), &device);
@@ -213,7 +214,7 @@ fn few_samples_carry_the_light() {
 
 #[test]
 fn merged_samples_let_the_same_light_through_from_the_same_depth() {
-    let device = Device::flex();
+    let device = tested();
     let field = Field::new(config(&hash_grid()));
     let mut rng = Pcg64::seed_from_u64(5);
     let weights = field.init(&mut rng, &device);
@@ -263,7 +264,7 @@ fn many_rays() -> RayBatch {
 
 #[test]
 fn groups_of_rays_are_rays_one_by_one() {
-    let device = Device::flex();
+    let device = tested();
     let field = Field::new(config(&hash_grid()));
     let mut rng = Pcg64::seed_from_u64(9);
     let weights = field.init(&mut rng, &device);
@@ -309,7 +310,7 @@ fn groups_of_rays_are_rays_one_by_one() {
 
 #[test]
 fn the_loss_is_that_of_the_composite() {
-    let device = Device::flex();
+    let device = tested();
     for (bands, density, latent) in [
         (Some(2), DensityActivation::Exp, None),
         (None, DensityActivation::Abs, None),
@@ -366,7 +367,7 @@ fn the_loss_is_that_of_the_composite() {
 
 #[test]
 fn samples_do_not_depend_on_threads() {
-    let device = Device::flex();
+    let device = tested();
     let field = Field::new(config(&hash_grid()));
     let weights = field.init(&mut Pcg64::seed_from_u64(4), &device);
     let visible = field.visible(|_| true);
@@ -487,7 +488,7 @@ fn poisoned_densities_leave_a_cascade_finite_places() {
 
 #[test]
 fn the_gradients_of_parts_of_the_rays_add_up() {
-    let device = Device::flex();
+    let device = tested();
     let field = Field::new(config(&hash_grid()));
     let mut rng = Pcg64::seed_from_u64(6);
     let weights = field.init(&mut rng, &device);

@@ -9,6 +9,9 @@
 //! and partial sums are added in a fixed order.
 
 pub mod cpu;
+pub mod device;
+#[cfg(feature = "gpu")]
+mod gpu;
 pub mod ops;
 
 pub use cpu::adam::AdamStep;

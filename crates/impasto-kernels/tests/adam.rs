@@ -2,7 +2,7 @@
 
 mod common;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use common::*;
 use impasto_kernels::AdamStep;
 use impasto_kernels::cpu::adam;
@@ -13,10 +13,7 @@ const COUNT: usize = 40_000;
 
 /// A tensor on a device without autodiff, as parameters and gradients are.
 fn plain(data: &[f32]) -> Tensor<1> {
-    Tensor::from_data(
-        TensorData::new(data.to_vec(), [data.len()]),
-        &Device::flex(),
-    )
+    Tensor::from_data(TensorData::new(data.to_vec(), [data.len()]), &device())
 }
 
 /// Algorithm 1 of Kingma & Ba.

@@ -2,8 +2,9 @@
 
 mod common;
 
+use common::on::composite;
 use common::*;
-use impasto_kernels::cpu::composite;
+use impasto_kernels::cpu::composite::weights as weights_of;
 use impasto_kernels::{CompositeLayout, RaySpan, ops};
 use std::sync::Arc;
 
@@ -118,7 +119,7 @@ fn equals_its_twin() {
             let out = composite::forward(&layout, &sigma, &colours, CHANNELS);
             let expected = twin(&layout, &wide(&sigma), &wide(&colours));
             assert_close(&format!("{rays} rays, {packing:?}"), &out, &expected, 1e-6);
-            let weights = composite::weights(&layout, &sigma);
+            let weights = weights_of(&layout, &sigma);
             let expected = twin_weights(&layout, &wide(&sigma));
             assert_close(
                 &format!("weights of {rays} rays"),
@@ -407,7 +408,7 @@ fn reproduces_the_golden_composite() {
         .collect();
     assert_close("depth", &column(4, 5), &depth, 1e-5);
 
-    let packed = composite::weights(&layout, &sigma);
+    let packed = weights_of(&layout, &sigma);
     let (inner, outer): (Vec<f32>, Vec<f32>) =
         layout
             .rays

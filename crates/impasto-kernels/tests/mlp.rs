@@ -2,8 +2,8 @@
 
 mod common;
 
+use common::on::mlp;
 use common::*;
-use impasto_kernels::cpu::mlp;
 use impasto_kernels::{Activation, LayerSpec, MlpSpec, ops};
 
 /// A twin's result and how near its relus came to their kink.

@@ -4,6 +4,7 @@ mod common;
 
 use burn::tensor::Tensor;
 use common::convnet::*;
+use common::on::perceptual;
 use common::*;
 use impasto_kernels::{ConvLayer, PerceptualStack, ops};
 use std::path::Path;
@@ -16,13 +17,12 @@ fn equals_its_twin() {
     for (height, width) in [(8, 8), (9, 15), (16, 11), (45, 38)] {
         let image = numbers(2, height * width * 3, 0.0..1.0);
         let stack = stack(&layers);
-        let (out, tape) = stack.forward(&image, height, width);
+        let (out, _) = perceptual::forward(&stack, &image, height, width);
         let (expected, _) = twin(&layers, &wide(&image), height, width);
         let shape = stack.content_shape(height, width);
         let content: usize = shape.iter().product();
         assert_eq!(shape, [height / 8, width / 8, 5]);
         assert_eq!(out.len(), content + stack.statistics_len());
-        assert_eq!(tape.image_size(), (height, width));
         let what = format!("{width}×{height}");
         assert_close(
             &format!("{what}: content"),
@@ -45,11 +45,11 @@ fn many_channels_equal_the_twin_forward_and_backward() {
     let stack = stack(&layers);
     let (height, width) = (17, 20);
     let image = numbers(22, height * width * 3, 0.0..1.0);
-    let (out, tape) = stack.forward(&image, height, width);
+    let (out, tape) = perceptual::forward(&stack, &image, height, width);
     let (expected, _) = twin(&layers, &wide(&image), height, width);
     assert_close("features", &out, &expected, 1e-5);
     let grad = numbers(23, out.len(), -1.0..1.0);
-    let found = stack.backward(&tape, &grad);
+    let found = perceptual::backward(&tape, &grad);
     let loss = |image: &[f64]| dot64(&twin(&layers, image, height, width).0, &grad);
     // The twin is too slow for every pixel.
     for at in [0, 61, 500, 733, image.len() - 1] {
@@ -75,13 +75,13 @@ fn gradient_equals_the_twins_differences() {
     let stack = stack(&layers);
     for (height, width) in [(8, 8), (9, 11)] {
         let image = numbers(4, height * width * 3, 0.0..1.0);
-        let (out, tape) = stack.forward(&image, height, width);
+        let (out, tape) = perceptual::forward(&stack, &image, height, width);
         let grad = numbers(5, out.len(), -1.0..1.0);
         let expected = differences(&image, |image| {
             dot64(&twin(&layers, image, height, width).0, &grad)
         });
         let what = format!("{width}×{height}");
-        assert_close(&what, &stack.backward(&tape, &grad), &expected, 1e-4);
+        assert_close(&what, &perceptual::backward(&tape, &grad), &expected, 1e-4);
     }
 }
 
@@ -104,7 +104,7 @@ fn the_smallest_image_is_one_pixel_of_content() {
     assert_eq!(stack.smallest(), 8);
     assert_eq!(stack.content_shape(8, 8), [1, 1, 5]);
     let image = numbers(7, 8 * 8 * 3, 0.0..1.0);
-    let (out, tape) = stack.forward(&image, 8, 8);
+    let (out, tape) = perceptual::forward(&stack, &image, 8, 8);
     assert_eq!(out.len(), 5 + stack.statistics_len());
     // One pixel deviates from its mean by nothing.
     let deviations = &out[out.len() - 5..];
@@ -112,7 +112,7 @@ fn the_smallest_image_is_one_pixel_of_content() {
         deviations.iter().all(|s| (s - 1e-5f32.sqrt()).abs() < 1e-7),
         "{deviations:?}"
     );
-    let grad = stack.backward(&tape, &vec![1.0; out.len()]);
+    let grad = perceptual::backward(&tape, &vec![1.0; out.len()]);
     assert!(grad.iter().all(|g| g.is_finite()) && grad.iter().any(|g| *g != 0.0));
 }
 
@@ -160,9 +160,9 @@ fn a_poisoned_pixel_shows_and_stays_in_its_neighbourhood() {
     let stack = stack(&layers);
     let (height, width) = (40, 30);
     let mut image = numbers(11, height * width * 3, 0.0..1.0);
-    let (clean, _) = stack.forward(&image, height, width);
+    let (clean, _) = perceptual::forward(&stack, &image, height, width);
     image[(9 * width + 12) * 3 + 1] = f32::NAN;
-    let (out, _) = stack.forward(&image, height, width);
+    let (out, _) = perceptual::forward(&stack, &image, height, width);
     let [rows, columns, channels] = stack.content_shape(height, width);
     let content = rows * columns * channels;
     assert!(
@@ -190,8 +190,8 @@ fn does_not_depend_on_threads() {
         let (height, width) = (67, 81);
         let image = numbers(13, height * width * 3, 0.0..1.0);
         assert_deterministic("features and gradient", || {
-            let (out, tape) = stack.forward(&image, height, width);
-            let grad = stack.backward(&tape, &numbers(14, out.len(), -1.0..1.0));
+            let (out, tape) = perceptual::forward(&stack, &image, height, width);
+            let grad = perceptual::backward(&tape, &numbers(14, out.len(), -1.0..1.0));
             [out, grad].concat()
         });
     }
@@ -202,7 +202,7 @@ fn takes_images_stored_channels_first() {
     let stack = Arc::new(stack(&small_vgg(15)));
     let planes = numbers(16, 3 * 9 * 10, 0.0..1.0);
     let image = channels_last(&planes, 9, 10);
-    let (expected, _) = stack.forward(&image, 9, 10);
+    let (expected, _) = perceptual::forward(&stack, &image, 9, 10);
     let out = ops::perceptual(tensor(&planes, [3, 9, 10]).permute([1, 2, 0]), stack);
     assert_same("a permuted view", &values(out), &expected);
 }
@@ -253,13 +253,13 @@ fn reproduces_the_golden_features() {
     let golden = golden("perceptual_vgg16");
     let stack = vgg16();
     let style = channels_last(&golden.f32("style"), 128, 128);
-    let (out, _) = stack.forward(&style, 128, 128);
+    let (out, _) = perceptual::forward(&stack, &style, 128, 128);
     let statistics = golden_style_statistics(&golden);
     let own = &out[out.len() - stack.statistics_len()..];
     assert_close("the style's statistics", own, &wide(&statistics), 1e-5);
 
     let image = channels_last(&golden.f32("output"), 67, 81);
-    let (out, _) = stack.forward(&image, 67, 81);
+    let (out, _) = perceptual::forward(&stack, &image, 67, 81);
     let expected = channels_last(&golden.f32("features.output.relu4_1"), 8, 10);
     assert_eq!(stack.content_shape(67, 81), [8, 10, 512]);
     let (content, own) = out.split_at(expected.len());

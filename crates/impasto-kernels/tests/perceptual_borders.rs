@@ -3,6 +3,7 @@
 mod common;
 
 use common::convnet::*;
+use common::on::perceptual;
 use common::*;
 use impasto_kernels::{Border, OddEnd, PerceptualStack, ops};
 use std::sync::Arc;
@@ -25,7 +26,7 @@ fn equals_its_twin_at_every_parity() {
         let stack = stack_with(modes, &layers);
         for (height, width) in [(16, 16), (17, 16), (18, 23), (31, 17), (45, 38)] {
             let image = numbers(2, height * width * 3, 0.0..1.0);
-            let (out, _) = stack.forward(&image, height, width);
+            let (out, _) = perceptual::forward(&stack, &image, height, width);
             let (expected, _) = twin_with(modes, &layers, &wide(&image), [height, width]);
             let content: usize = stack.content_shape(height, width).iter().product();
             let what = format!("{modes:?}, {width}×{height}");
@@ -42,13 +43,13 @@ fn gradient_equals_the_twins_differences() {
         let stack = stack_with(modes, &layers);
         for (height, width) in [(16, 16), (17, 19)] {
             let image = numbers(4, height * width * 3, 0.0..1.0);
-            let (out, tape) = stack.forward(&image, height, width);
+            let (out, tape) = perceptual::forward(&stack, &image, height, width);
             let grad = numbers(5, out.len(), -1.0..1.0);
             let expected = differences(&image, |image| {
                 dot64(&twin_with(modes, &layers, image, [height, width]).0, &grad)
             });
             let what = format!("{modes:?}, {width}×{height}");
-            assert_close(&what, &stack.backward(&tape, &grad), &expected, 1e-4);
+            assert_close(&what, &perceptual::backward(&tape, &grad), &expected, 1e-4);
         }
     }
 }
@@ -61,11 +62,11 @@ fn many_channels_equal_the_twin_forward_and_backward() {
     let stack = stack_with(modes, &layers);
     for (height, width) in [(17, 20), (18, 15)] {
         let image = numbers(22, height * width * 3, 0.0..1.0);
-        let (out, tape) = stack.forward(&image, height, width);
+        let (out, tape) = perceptual::forward(&stack, &image, height, width);
         let (expected, _) = twin_with(modes, &layers, &wide(&image), [height, width]);
         assert_close("features", &out, &expected, 1e-5);
         let grad = numbers(23, out.len(), -1.0..1.0);
-        let found = stack.backward(&tape, &grad);
+        let found = perceptual::backward(&tape, &grad);
         let size = found.iter().map(|g| g.abs()).fold(0.0, f32::max);
         let loss =
             |image: &[f64]| dot64(&twin_with(modes, &layers, image, [height, width]).0, &grad);
@@ -105,10 +106,10 @@ fn the_smallest_image_is_what_every_convolution_can_mirror() {
         let stack = stack_with(modes, &small_vgg(6));
         assert_eq!(stack.smallest(), least, "{modes:?}");
         let image = numbers(7, least * least * 3, 0.0..1.0);
-        let (out, tape) = stack.forward(&image, least, least);
+        let (out, tape) = perceptual::forward(&stack, &image, least, least);
         let (expected, _) = twin_with(modes, &small_vgg(6), &wide(&image), [least, least]);
         assert_close(&format!("{modes:?}"), &out, &expected, 1e-5);
-        let grad = stack.backward(&tape, &vec![1.0; out.len()]);
+        let grad = perceptual::backward(&tape, &vec![1.0; out.len()]);
         assert!(grad.iter().all(|g| g.is_finite()) && grad.iter().any(|g| *g != 0.0));
     }
     assert_eq!(
@@ -130,10 +131,10 @@ fn a_poisoned_pixel_shows_and_stays_in_its_neighbourhood() {
     let stack = stack_with(MODES[0], &layers);
     let (height, width) = (39, 31);
     let mut image = numbers(11, height * width * 3, 0.0..1.0);
-    let (clean, _) = stack.forward(&image, height, width);
+    let (clean, _) = perceptual::forward(&stack, &image, height, width);
     // In a corner, from where borders are mirrored.
     image[0] = f32::NAN;
-    let (out, tape) = stack.forward(&image, height, width);
+    let (out, tape) = perceptual::forward(&stack, &image, height, width);
     let [rows, columns, channels] = stack.content_shape(height, width);
     let content = rows * columns * channels;
     assert!(out[content..].iter().all(|v| v.is_nan()));
@@ -146,7 +147,7 @@ fn a_poisoned_pixel_shows_and_stays_in_its_neighbourhood() {
             }
         }
     }
-    let grad = stack.backward(&tape, &vec![1.0; out.len()]);
+    let grad = perceptual::backward(&tape, &vec![1.0; out.len()]);
     assert!(grad.iter().any(|g| g.is_nan()), "gradients hide the NaN");
 }
 
@@ -157,8 +158,8 @@ fn does_not_depend_on_threads() {
         let (height, width) = (67, 81);
         let image = numbers(13, height * width * 3, 0.0..1.0);
         assert_deterministic("features and gradient", || {
-            let (out, tape) = stack.forward(&image, height, width);
-            let grad = stack.backward(&tape, &numbers(14, out.len(), -1.0..1.0));
+            let (out, tape) = perceptual::forward(&stack, &image, height, width);
+            let grad = perceptual::backward(&tape, &numbers(14, out.len(), -1.0..1.0));
             [out, grad].concat()
         });
     }

@@ -2,8 +2,8 @@
 
 mod common;
 
+use common::on::radiance;
 use common::*;
-use impasto_kernels::cpu::radiance;
 use impasto_kernels::{
     Activation, CompositeLayout, Density, LayerSpec, MlpSpec, RadianceSpec, RaySpan, Volume,
     VolumeSpec, ops,

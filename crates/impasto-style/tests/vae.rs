@@ -1,7 +1,7 @@
 //! The style-VAE: as trained from scratch, and as shipped.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use burn::tensor::Device;
+use impasto_kernels::device::tested;
 use impasto_paintings::{Recipe, paint};
 use impasto_style::{
     Perceptual, Statistics, StyleCode, StyleInput, StyleVae, VaeTraining, picture, train_vae,
@@ -51,7 +51,7 @@ fn trains_from_principal_components(input: StyleInput) {
         seed: 1,
     };
     let mut errors = Vec::new();
-    let vae = train_vae(&set, &training, &Device::flex(), |_, error| {
+    let vae = train_vae(&set, &training, &tested(), |_, error| {
         errors.push(error);
     });
     assert_eq!(errors.len(), 2);

@@ -31,6 +31,7 @@ mod train;
 mod validation;
 
 pub use budget::{Budget, Clock};
+pub use burn::tensor::Device;
 pub use config::TrainConfig;
 pub use encoder::{
     EncoderCheck, EncoderOptions, EncoderSummary, check_encoder, read_encoder, train_encoder,
@@ -38,6 +39,7 @@ pub use encoder::{
 pub use error::TrainError;
 pub use event::{Event, Stage};
 pub use geometry_stage::{GeometryStage, StepReport};
+pub use impasto_kernels::device::{DeviceChoice, NoDevice, Opened, gpus, is_cpu};
 pub use model::{Inspiration, Look, Model, RenderedView};
 pub use model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 pub use objective::StyleReport;

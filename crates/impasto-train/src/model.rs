@@ -83,12 +83,19 @@ const SAMPLED_VIEWS: usize = 16;
 const SAMPLED_SIDE: u32 = 16;
 
 impl Model {
-    /// Reads a model folder or file.
+    /// Reads a model folder or file, to render it on the CPU.
     ///
     /// # Errors
     /// See [`ModelFile::load`].
     pub fn load(path: &Path) -> Result<Self, TrainError> {
-        let device = Device::flex();
+        Self::load_on(path, Device::flex())
+    }
+
+    /// Reads a model folder or file, to render it on a device, whatever it was trained on.
+    ///
+    /// # Errors
+    /// See [`ModelFile::load`].
+    pub fn load_on(path: &Path, device: Device) -> Result<Self, TrainError> {
         Ok(Self::from_file(ModelFile::load(path, &device)?, device))
     }
 

@@ -59,6 +59,8 @@ pub struct TrainOptions {
     pub format: Option<Format>,
     /// Seed of everything random.
     pub seed: u64,
+    /// What the stages compute on; see [`crate::DeviceChoice`].
+    pub device: Device,
 }
 
 /// What a run came to.
@@ -129,7 +131,7 @@ pub fn train(
         options,
         scene,
         start,
-        device: Device::flex(),
+        device: options.device.clone(),
         log,
         paintings,
         encoder,
@@ -176,7 +178,7 @@ fn continued(
     if options.stages == Stages::All {
         return Ok(None);
     }
-    let file = ModelFile::load(&options.output.join(MODEL_FILE), &Device::flex())?;
+    let file = ModelFile::load(&options.output.join(MODEL_FILE), &options.device)?;
     check_same_scene(&file, scene)?;
     Ok(Some(file))
 }

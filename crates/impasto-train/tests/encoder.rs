@@ -4,7 +4,7 @@
 
 mod common;
 
-use burn::tensor::Device;
+use impasto_kernels::device::tested;
 use impasto_paintings::{Recipe, paint};
 use impasto_style::{Network, Perceptual, StyleInput, StyleVae};
 use impasto_train::{
@@ -87,7 +87,7 @@ fn a_model_carries_the_encoder_that_it_was_trained_with() {
     options.encoder = None;
     options.stages = Stages::Style;
     train(&options, &mut |_| ()).unwrap();
-    let file = ModelFile::load(&options.output, &Device::flex()).unwrap();
+    let file = ModelFile::load(&options.output, &tested()).unwrap();
     assert!(file.encoder.is_none() && file.style.is_some());
 }
 

@@ -2,7 +2,7 @@
 //! to 1e-5, gradients to 1e-4.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use burn::tensor::{Device, Gradients, Tensor, TensorData};
+use burn::tensor::{Gradients, Tensor, TensorData};
 use impasto_field::encoding::matrix;
 use impasto_field::render::host;
 use impasto_field::sampling::{Samples, VolumeSamples};
@@ -11,6 +11,7 @@ use impasto_field::{
     Appearance, AppearanceConfig, BranchWeights, DensityActivation, EncodingConfig, Field,
     FieldConfig, FieldWeights, SamplingConfig, Shading, Trunk, VolumeConfig,
 };
+use impasto_kernels::device::tested;
 use impasto_kernels::{Activation, CompositeLayout, LayerSpec, MlpSpec, RaySpan, ops};
 use impasto_style::{Hypernetwork, HypernetworkWeights};
 use safetensors::SafeTensors;
@@ -51,8 +52,8 @@ const HYPER: [&str; 5] = [
     "hyper_rgb.layers.4",
 ];
 
-fn device() -> Device {
-    Device::flex().autodiff()
+fn device() -> burn::tensor::Device {
+    tested().autodiff()
 }
 
 fn leaf(numbers: Vec<f32>) -> Tensor<1> {

@@ -4,8 +4,8 @@
 
 mod common;
 
-use burn::tensor::Device;
 use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
+use impasto_kernels::device::tested;
 use impasto_paintings::{Family, Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{Camera, LoadOptions, Scene, load, metrics};
@@ -81,7 +81,7 @@ fn capture(photos: usize) -> (tempfile::TempDir, Scene) {
 
 /// A model file of a geometry stage after `steps` steps.
 fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
-    let mut stage = GeometryStage::new(scene, config, 3, &Device::flex());
+    let mut stage = GeometryStage::new(scene, config, 3, &tested());
     let mut clock = Clock::start(Budget::Steps(steps));
     while !clock.is_over() {
         stage.step(&clock);
@@ -110,7 +110,7 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
 fn geometry_stage_learns_one_photo_by_heart() {
     // Two photos: the first is held out, the second is the one to learn.
     let (_dir, scene) = capture(2);
-    let model = Model::from_file(reconstruct(&scene, &small(), 150), Device::flex());
+    let model = Model::from_file(reconstruct(&scene, &small(), 150), tested());
     let (_, photo) = scene.train().next().unwrap();
     let view = model.render(&photo.camera, &[&model.photo_look()]);
     let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
@@ -135,7 +135,7 @@ fn a_model_is_refitted_to_other_pictures_of_its_views() {
             camera: photo.camera,
         });
         file.scene.photos = photos.collect();
-        let model = Model::from_file(file, Device::flex());
+        let model = Model::from_file(file, tested());
         // Half as large as the photos, and of one colour.
         let colour = [200, 40, 90];
         let picture = image::RgbImage::from_pixel(32, 24, image::Rgb(colour));
@@ -179,7 +179,7 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
         (vgg, vae),
         styles,
         1,
-        &Device::flex(),
+        &tested(),
     );
     let mut clock = Clock::start(Budget::Steps(steps));
     let mut reports = Vec::new();
@@ -271,7 +271,7 @@ fn a_step_in_several_turns_is_the_same_step() {
         let clock = Clock::start(Budget::Steps(9));
         let losses = [150, 64].map(|turn| {
             config.geometry.rays_at_once = turn;
-            let mut stage = GeometryStage::new(&scene, &config, 3, &Device::flex());
+            let mut stage = GeometryStage::new(&scene, &config, 3, &tested());
             [(); 3].map(|()| stage.step(&clock).loss)
         });
         for (one, other) in losses[0].iter().zip(losses[1]) {
@@ -283,7 +283,7 @@ fn a_step_in_several_turns_is_the_same_step() {
 #[test]
 fn a_cascade_learns_one_photo_by_heart() {
     let (_dir, scene) = capture(2);
-    let model = Model::from_file(reconstruct(&scene, &small_paper(), 250), Device::flex());
+    let model = Model::from_file(reconstruct(&scene, &small_paper(), 250), tested());
     let (_, photo) = scene.train().next().unwrap();
     let view = model.render(&photo.camera, &[&model.photo_look()]);
     let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
@@ -316,6 +316,7 @@ fn run(dir: &tempfile::TempDir, config: TrainConfig, sink: &mut dyn FnMut(&Event
         downscale: 1,
         format: None,
         seed: 1,
+        device: tested(),
     };
     train(&options, sink).unwrap()
 }
@@ -413,9 +414,9 @@ fn a_refined_look_is_nearer_to_its_painting() {
         let mut refinement = Refinement::new(&model).unwrap().unwrap();
         let weightless = refinement.look(&[(&painting, 0.0)], Budget::Steps(1), &mut |_| ());
         assert!(weightless.unwrap().is_none());
-        let mut plain = ModelFile::load(&output, &Device::flex()).unwrap();
+        let mut plain = ModelFile::load(&output, &tested()).unwrap();
         plain.style = None;
-        let plain = Model::from_file(plain, Device::flex());
+        let plain = Model::from_file(plain, tested());
         assert!(Refinement::new(&plain).unwrap().is_none());
     }
 }

@@ -14,10 +14,11 @@ use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use impasto::scene::{Format, LoadOptions, load};
 use impasto::{
-    Inspiration, Look, Model, Stages, TrainConfig, TrainOptions, TrainSummary, cache_folder,
+    Device, Inspiration, Look, Model, Stages, TrainConfig, TrainOptions, TrainSummary, cache_folder,
 };
 use serde_json::json;
 
+use super::device::DeviceArgs;
 use super::train::{BudgetArgs, describe, watched};
 use super::values::size;
 use super::{Answer, CliError, console, to_json};
@@ -56,6 +57,8 @@ pub struct DemoArgs {
     /// Start of the random numbers
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// A generated painting that was not trained on.
@@ -81,9 +84,10 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
         ..BuiltinOptions::default()
     };
     write_capture(&out.join("scene"), &capture)?;
-    let summary = trained(args)?;
+    let device = args.device.open()?;
+    let summary = trained(args, device.clone())?;
 
-    let model = Model::load(&summary.model)?;
+    let model = Model::load_on(&summary.model, device)?;
     let styles = styles(&model, &out.join("styles"))?;
     let photos = load(&out.join("scene"), &LoadOptions::default())?;
     let sheet = out.join("contact_sheet.png");
@@ -121,7 +125,7 @@ pub fn run(args: &DemoArgs) -> Result<Answer, CliError> {
     })
 }
 
-fn trained(args: &DemoArgs) -> Result<TrainSummary, CliError> {
+fn trained(args: &DemoArgs, device: Device) -> Result<TrainSummary, CliError> {
     watched(&TrainOptions {
         scene: args.out.join("scene"),
         output: args.out.join("model"),
@@ -137,6 +141,7 @@ fn trained(args: &DemoArgs) -> Result<TrainSummary, CliError> {
         downscale: 1,
         format: Some(Format::Transforms),
         seed: args.seed,
+        device,
     })
 }
 

@@ -23,7 +23,7 @@ const INK: Rgb<u8> = Rgb([235, 232, 225]);
 pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, CliError> {
     let (names, paintings) = read(args)?;
     check_folder(&parent(&args.output))?;
-    let model = Model::load(&args.model)?;
+    let model = Model::load_on(&args.model, args.device.open()?)?;
     let corners = paintings
         .iter()
         .map(|painting| model.inspiration(painting))

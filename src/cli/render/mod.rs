@@ -14,6 +14,7 @@ use serde_json::json;
 
 use self::styles::Styles;
 use self::views::ViewSource;
+use super::device::DeviceArgs;
 use super::progress::Frames;
 use super::values::{StyleArg, clock, duration, share, size};
 use super::{Answer, CliError};
@@ -59,6 +60,8 @@ pub struct RenderArgs {
     /// Write depth too (NumPy float32, along the camera's axis, scene units); folders only
     #[arg(long)]
     depth: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// A folder for numbered PNGs and cameras.json, a PNG (contact sheet of all views) or a GIF
     #[arg(short, long, value_name = "DIR|FILE.png|FILE.gif")]
     output: PathBuf,
@@ -96,7 +99,7 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     let target = Target::new(&args.output, args.depth)?;
     let styles = Styles::read(&args.styles)?;
     target.check()?;
-    let model = Model::load(&args.model)?;
+    let model = Model::load_on(&args.model, args.device.open()?)?;
     let variants = styles.variants(&model, args.refine)?;
     let names: Vec<String> = variants.iter().map(|v| v.name.clone()).collect();
     let views = views::views(&model, &args.views, args.size, args.frames)?;

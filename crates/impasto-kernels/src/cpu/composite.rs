@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Kept under every factor of the transmittance, as in NeRF++.
-const TRANSMITTANCE_EPS: f32 = 1e-6;
+pub(crate) const TRANSMITTANCE_EPS: f32 = 1e-6;
 
 /// Which samples belong to one ray. Both ranges index the sample arrays; `outer` continues behind
 /// `inner`.
@@ -38,6 +38,42 @@ impl CompositeLayout {
     /// distortion.
     pub const fn outputs(channels: usize) -> usize {
         channels + 3
+    }
+
+    /// # Panics
+    /// If there are not as many steps and colours as densities.
+    pub(crate) fn check(&self, densities: usize, colours: usize, channels: usize) {
+        assert_eq!(colours, densities * channels, "colours of a composite");
+        for (name, values) in [
+            ("deltas", &self.deltas),
+            ("depths", &self.depths),
+            ("distances", &self.distances),
+        ] {
+            assert_eq!(values.len(), densities, "{name} of a composite");
+        }
+    }
+
+    /// All ranges that are not empty, from first to last sample, with their rays and sides.
+    ///
+    /// # Panics
+    /// If a sample belongs to two rays.
+    pub(crate) fn in_order(&self) -> Vec<(&Range<usize>, usize, usize)> {
+        let rays = || self.rays.iter().enumerate();
+        let inner = rays().map(|(ray, span)| (&span.inner, ray, 0));
+        let outer = rays().map(|(ray, span)| (&span.outer, ray, 1));
+        // Both halves ascend where samples were packed ray by ray: the sort is then one merge.
+        let mut ranges: Vec<_> = inner
+            .chain(outer)
+            .filter(|(range, ..)| !range.is_empty())
+            .collect();
+        ranges.sort_by_key(|(range, ..)| range.start);
+        for pair in ranges.windows(2) {
+            assert!(
+                pair[0].0.end <= pair[1].0.start,
+                "a sample of a composite belongs to one ray"
+            );
+        }
+        ranges
     }
 
     fn samples(span: &RaySpan) -> impl DoubleEndedIterator<Item = usize> + use<> {
@@ -91,7 +127,7 @@ pub fn forward(
     colours: &[f32],
     channels: usize,
 ) -> Vec<f32> {
-    check(layout, sigma, colours, channels);
+    layout.check(sigma.len(), colours.len(), channels);
     let width = CompositeLayout::outputs(channels);
     let mut out = vec![0.0; layout.rays.len() * width];
     let passed = transparencies(&layout.deltas, sigma);
@@ -142,7 +178,7 @@ pub fn backward(
     channels: usize,
     grad: &[f32],
 ) -> (Vec<f32>, Vec<f32>) {
-    check(layout, sigma, colours, channels);
+    layout.check(sigma.len(), colours.len(), channels);
     let width = CompositeLayout::outputs(channels);
     assert_eq!(
         grad.len(),
@@ -177,24 +213,10 @@ fn split_by_ray<'a>(
     mut colours: &'a mut [f32],
     channels: usize,
 ) -> Vec<[SpanGrads<'a>; 2]> {
-    let rays = || layout.rays.iter().enumerate();
-    let inner = rays().map(|(ray, span)| (&span.inner, ray, 0));
-    let outer = rays().map(|(ray, span)| (&span.outer, ray, 1));
-    // Both halves ascend where samples were packed ray by ray: the sort is then one merge.
-    let mut ranges: Vec<_> = inner
-        .chain(outer)
-        .filter(|(range, ..)| !range.is_empty())
-        .collect();
-    ranges.sort_by_key(|(range, ..)| range.start);
-
     let mut split = Vec::new();
     split.resize_with(layout.rays.len(), <[SpanGrads<'a>; 2]>::default);
     let mut end = 0;
-    for (range, ray, side) in ranges {
-        assert!(
-            range.start >= end,
-            "a sample of a composite belongs to one ray"
-        );
+    for (range, ray, side) in layout.in_order() {
         let gap = range.start - end;
         let (own_sigma, rest_sigma) = sigma.split_at_mut(gap).1.split_at_mut(range.len());
         let (own_colours, rest_colours) = colours
@@ -271,17 +293,5 @@ pub(crate) fn ray_backward(
         let slope = step.passed * delta;
         out.sigma[at] = if slope > 0.0 { alpha_grad * slope } else { 0.0 };
         behind = (1.0 - step.passed) * weight_grad + (step.passed + TRANSMITTANCE_EPS) * behind;
-    }
-}
-
-fn check(layout: &CompositeLayout, sigma: &[f32], colours: &[f32], channels: usize) {
-    let n = sigma.len();
-    assert_eq!(colours.len(), n * channels, "colours of a composite");
-    for (name, values) in [
-        ("deltas", &layout.deltas),
-        ("depths", &layout.depths),
-        ("distances", &layout.distances),
-    ] {
-        assert_eq!(values.len(), n, "{name} of a composite");
     }
 }

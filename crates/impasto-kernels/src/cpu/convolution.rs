@@ -79,6 +79,14 @@ impl Filters {
         }
     }
 
+    /// The weight of a tap, an input and an output.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn weight(&self, tap: usize, input: usize, output: usize) -> f32 {
+        let strip = &self.strips[output / STRIP * 9 * self.inputs * STRIP..];
+        let channels = STRIP.min(self.outputs - output / STRIP * STRIP);
+        strip[(tap * self.inputs + input) * channels + output % STRIP]
+    }
+
     /// First channel, number of channels and filters of each strip.
     fn strips(&self) -> impl Iterator<Item = (usize, usize, &[f32])> {
         let strips = self.strips.chunks(9 * self.inputs * STRIP).enumerate();

@@ -50,14 +50,18 @@ impl HashGridSpec {
         (self.coarsest * (self.finest / self.coarsest).powf(level as f32 / steps)).floor()
     }
 
+    /// Corners of cells along an axis at `level`, and whether the table has an entry for each.
+    pub(crate) fn corners(&self, level: usize) -> (u32, bool) {
+        let side = self.resolution(level) as u64 + 1;
+        (side as u32, side * side * side <= 1 << self.log2_entries)
+    }
+
     fn level(&self, level: usize) -> Level {
-        let resolution = self.resolution(level);
-        let side = resolution as u64 + 1;
-        let entries = 1u64 << self.log2_entries;
+        let (side, dense) = self.corners(level);
         Level {
-            resolution,
-            side: side as u32,
-            dense: side * side * side <= entries,
+            resolution: self.resolution(level),
+            side,
+            dense,
         }
     }
 }

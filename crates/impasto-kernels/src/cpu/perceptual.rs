@@ -31,11 +31,13 @@ pub enum OddEnd {
 /// A frozen stack of convolutions over an RGB image in `[0, 1]`.
 #[derive(Debug, Clone)]
 pub struct PerceptualStack {
-    layers: Vec<ConvLayer>,
-    input_scale: f32,
-    input_offset: [f32; 3],
-    border: Border,
-    odd_end: OddEnd,
+    pub(crate) layers: Vec<ConvLayer>,
+    pub(crate) input_scale: f32,
+    pub(crate) input_offset: [f32; 3],
+    pub(crate) border: Border,
+    pub(crate) odd_end: OddEnd,
+    #[cfg(feature = "gpu")]
+    pub(crate) resident: crate::gpu::perceptual::Resident,
 }
 
 /// Activations kept from a forward pass.
@@ -87,6 +89,8 @@ impl PerceptualStack {
             input_offset,
             border: Border::default(),
             odd_end: OddEnd::default(),
+            #[cfg(feature = "gpu")]
+            resident: Default::default(),
         }
     }
 
@@ -161,10 +165,7 @@ impl PerceptualStack {
             height * width * 3,
             "image of a perceptual stack"
         );
-        assert!(
-            height.min(width) >= self.smallest(),
-            "image of {width}×{height} is too small for the perceptual stack"
-        );
+        self.check(height, width);
         let mut current = Padded::from_image(image, width, self.input_scale, self.input_offset);
         self.surround(&mut current);
         let mut tape = PerceptualTape {
@@ -199,6 +200,15 @@ impl PerceptualStack {
             .map_or_else(Vec::new, |last| FeatureMap::of(last).data);
         result.extend(statistics);
         (result, tape)
+    }
+
+    /// # Panics
+    /// If an image of this size is too small.
+    pub(crate) fn check(&self, height: usize, width: usize) {
+        assert!(
+            height.min(width) >= self.smallest(),
+            "image of {width}×{height} is too small for the perceptual stack"
+        );
     }
 
     /// Fills the border of a convolution's input, where zeros are not what it takes.

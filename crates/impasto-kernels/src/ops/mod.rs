@@ -1,9 +1,11 @@
 //! The kernels as burn operations.
 //!
 //! [`KernelOps`] is what callers use, through the functions here; [`KernelGrad`] is what a device
-//! must additionally provide for gradients. `autodiff` wires the two; `flex` is the CPU.
+//! must additionally provide for gradients. `autodiff` wires the two; `flex` is the CPU, `cube` are GPUs.
 
 mod autodiff;
+#[cfg(feature = "gpu")]
+mod cube;
 mod flex;
 
 use crate::{
@@ -16,7 +18,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 /// Forward operations, dispatched to the tensors' device.
-#[backend_extension(Autodiff, Flex)]
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"))]
 pub trait KernelOps: Backend {
     /// See [`hash_encode`].
     fn hash_encode(

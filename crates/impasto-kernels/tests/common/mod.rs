@@ -2,8 +2,10 @@
 #![allow(dead_code, reason = "every test file takes what it needs")]
 
 pub mod convnet;
+pub mod on;
 
-use burn::tensor::{Device, Gradients, Tensor, TensorData};
+use burn::tensor::{Gradients, Tensor, TensorData};
+pub use impasto_kernels::device::tested as device;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::ThreadPoolBuilder;
@@ -21,8 +23,7 @@ pub fn numbers(seed: u64, count: usize, range: Range<f32>) -> Vec<f32> {
 
 /// An untracked tensor on a device that can differentiate.
 pub fn tensor<const D: usize>(data: &[f32], shape: [usize; D]) -> Tensor<D> {
-    let device = Device::flex().autodiff();
-    Tensor::from_data(TensorData::new(data.to_vec(), shape), &device)
+    Tensor::from_data(TensorData::new(data.to_vec(), shape), &device().autodiff())
 }
 
 /// A leaf of a graph.

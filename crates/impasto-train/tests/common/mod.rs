@@ -7,6 +7,7 @@
 )]
 
 use impasto_field::EncodingConfig;
+use impasto_kernels::device::tested;
 use impasto_paintings::{Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_train::{Budget, Stages, TrainConfig, TrainOptions};
@@ -75,5 +76,6 @@ pub fn run(dir: &Path) -> TrainOptions {
         downscale: 1,
         format: None,
         seed: 1,
+        device: tested(),
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 /// What follows a layer's affine map (and its normalisation).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Activation {
     /// Nothing.
     Linear,
@@ -113,29 +113,29 @@ impl MlpSpec {
     }
 
     /// Width of a block.
-    pub(super) fn block_width(&self, block: usize) -> usize {
+    pub(crate) fn block_width(&self, block: usize) -> usize {
         self.layers[self.blocks[block].start].inputs
     }
 
     /// The block that begins with a layer.
-    pub(super) fn block_from(&self, layer: usize) -> Option<usize> {
+    pub(crate) fn block_from(&self, layer: usize) -> Option<usize> {
         self.blocks.iter().position(|block| block.start == layer)
     }
 
     /// The block that ends with a layer.
-    pub(super) fn block_to(&self, layer: usize) -> Option<usize> {
+    pub(crate) fn block_to(&self, layer: usize) -> Option<usize> {
         self.blocks.iter().position(|block| block.end == layer + 1)
     }
 
     /// Where a layer's parameters lie.
-    pub(super) fn layer_range(&self, layer: usize) -> Range<usize> {
+    pub(crate) fn layer_range(&self, layer: usize) -> Range<usize> {
         let before = &self.layers[..layer];
         let start = before.iter().map(LayerSpec::params).sum::<usize>();
         start..start + self.layers[layer].params()
     }
 
     /// Where a block's vector lies.
-    pub(super) fn shift_range(&self, block: usize) -> Range<usize> {
+    pub(crate) fn shift_range(&self, block: usize) -> Range<usize> {
         let layers: usize = self.layers.iter().map(LayerSpec::params).sum();
         let before: usize = (0..block).map(|b| self.block_width(b)).sum();
         layers + before..layers + before + self.block_width(block)

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use tile::Piece;
 
 /// How the last number of `geo` becomes a density.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Density {
     /// `e^x`, with x limited to ±15.
     Exp,
@@ -44,7 +44,7 @@ impl Density {
     }
 }
 
-const LIMIT: f32 = 15.0;
+pub(crate) const LIMIT: f32 = 15.0;
 
 /// Written so that NaN stays NaN.
 #[inline(always)]
@@ -158,7 +158,7 @@ const PIECES: usize = 8;
 /// If slices do not have their stated lengths or samples are packed otherwise.
 pub fn loss(spec: &RadianceSpec, volumes: &[Volume<&[f32]>; 2]) -> Radiance {
     let rays = &spec.layout.rays;
-    let counts = check(spec, volumes);
+    let counts = spec.check([0, 1].map(|v| volumes[v].encoded.len()));
     let [inner, outer] = [0, 1].map(|v| PackedVolume::new(&spec.volumes[v], &volumes[v]));
     let packed = [&inner, &outer];
     let mut encoded = [0, 1].map(|v| vec![0.0; counts[v] * packed[v].base.spec.inputs()]);
@@ -245,43 +245,53 @@ fn ranges(rays: &[RaySpan]) -> [Range<usize>; 2] {
     }
 }
 
-/// Samples of both volumes.
-fn check(spec: &RadianceSpec, volumes: &[Volume<&[f32]>; 2]) -> [usize; 2] {
-    let rays = &spec.layout.rays;
-    let [inner, outer] = ranges(rays);
-    for pair in rays.windows(2) {
-        let packed = |a: &Range<usize>, b: &Range<usize>| a.end == b.start;
+impl RadianceSpec {
+    /// Samples of both volumes, given the lengths of their encodings.
+    ///
+    /// # Panics
+    /// If lengths do not fit each other or samples are packed otherwise.
+    pub(crate) fn check(&self, encoded: [usize; 2]) -> [usize; 2] {
+        let rays = &self.layout.rays;
+        let [inner, outer] = ranges(rays);
+        for pair in rays.windows(2) {
+            let packed = |a: &Range<usize>, b: &Range<usize>| a.end == b.start;
+            assert!(
+                packed(&pair[0].inner, &pair[1].inner) && packed(&pair[0].outer, &pair[1].outer),
+                "samples of a radiance loss are packed ray by ray"
+            );
+        }
         assert!(
-            packed(&pair[0].inner, &pair[1].inner) && packed(&pair[0].outer, &pair[1].outer),
-            "samples of a radiance loss are packed ray by ray"
+            inner.start == 0 && outer.start == inner.end,
+            "inner samples come first"
         );
+        let counts = [inner.len(), outer.len()];
+        for ((encoded, spec), n) in encoded.into_iter().zip(&self.volumes).zip(counts) {
+            assert_eq!(encoded, n * spec.base.inputs(), "encoded samples");
+        }
+        let steps = &self.layout;
+        for values in [&steps.deltas, &steps.depths, &steps.distances] {
+            assert_eq!(values.len(), counts[0] + counts[1], "samples of a layout");
+        }
+        assert_eq!(self.targets.len(), rays.len() * CHANNELS, "wanted colours");
+        for volume in &self.volumes {
+            let view = volume.app.inputs() - volume.base.outputs();
+            assert_eq!(self.views.len(), rays.len() * view, "encoded views");
+            assert_eq!((volume.geo.outputs(), volume.app.outputs()), (1, CHANNELS));
+        }
+        counts
     }
-    assert!(
-        inner.start == 0 && outer.start == inner.end,
-        "inner samples come first"
-    );
-    let counts = [inner.len(), outer.len()];
-    for ((volume, spec), n) in volumes.iter().zip(&spec.volumes).zip(counts) {
-        assert_eq!(
-            volume.encoded.len(),
-            n * spec.base.inputs(),
-            "encoded samples"
-        );
+
+    /// Where each ray's samples of each volume begin, and where the last one's end.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn starts(&self) -> [Vec<u32>; 2] {
+        let rays = &self.layout.rays;
+        let of = |span: fn(&RaySpan) -> &Range<usize>| {
+            let first = rays.first().map_or(0, |ray| span(ray).start);
+            let ends = rays.iter().map(move |ray| (span(ray).end - first) as u32);
+            std::iter::once(0).chain(ends).collect()
+        };
+        [of(|ray| &ray.inner), of(|ray| &ray.outer)]
     }
-    for values in [
-        &spec.layout.deltas,
-        &spec.layout.depths,
-        &spec.layout.distances,
-    ] {
-        assert_eq!(values.len(), counts[0] + counts[1], "samples of a layout");
-    }
-    assert_eq!(spec.targets.len(), rays.len() * CHANNELS, "wanted colours");
-    for volume in &spec.volumes {
-        let view = volume.app.inputs() - volume.base.outputs();
-        assert_eq!(spec.views.len(), rays.len() * view, "encoded views");
-        assert_eq!((volume.geo.outputs(), volume.app.outputs()), (1, CHANNELS));
-    }
-    counts
 }
 
 struct PackedVolume<'a> {

@@ -1,0 +1,245 @@
+//! Compositing of packed samples, one unit a ray.
+
+use super::launch::{Uploaded, argument, cube, cubes_for, empty, zeros};
+use crate::CompositeLayout;
+use burn_cubecl::cubecl::{self, prelude::*};
+use burn_cubecl::tensor::CubeTensor;
+
+/// Kept under every factor of the transmittance, as in NeRF++.
+const TRANSMITTANCE_EPS: f32 = crate::cpu::composite::TRANSMITTANCE_EPS;
+
+/// A layout on the device: where each ray's samples are, then their steps.
+struct Layout {
+    /// Start and end of the inner, then of the outer samples of each ray.
+    spans: Uploaded,
+    /// All step lengths, all depths, all distances.
+    steps: Uploaded,
+}
+
+impl Layout {
+    fn new(like: &CubeTensor, layout: &CompositeLayout) -> Self {
+        let spans = layout
+            .rays
+            .iter()
+            .flat_map(|ray| [&ray.inner, &ray.outer].map(|r| [r.start as u32, r.end as u32]));
+        let spans: Vec<u32> = spans.flatten().collect();
+        let steps = [&layout.deltas[..], &layout.depths, &layout.distances].concat();
+        Self {
+            spans: Uploaded::u32(like, &spans),
+            steps: Uploaded::f32(like, &steps),
+        }
+    }
+}
+
+#[cube(launch_unchecked)]
+fn forward_kernel(
+    sigma: &[f32],
+    colours: &[f32],
+    spans: &[u32],
+    steps: &[f32],
+    out: &mut [f32],
+    rays: u32,
+    samples: u32,
+    #[comptime] channels: usize,
+) {
+    let ray = ABSOLUTE_POS;
+    if ray < rays as usize {
+        let samples = samples as usize;
+        let at = ray * (channels + 3);
+        let mut sums = Array::<f32>::new(channels);
+        #[unroll]
+        for c in 0..channels {
+            sums[c] = 0.0;
+        }
+        let mut transmittance = 1.0f32;
+        let mut depth = 0.0f32;
+        let mut distortion = 0.0f32;
+        let mut mass = 0.0f32;
+        let mut moment = 0.0f32;
+        for volume in 0..2usize {
+            let start = spans[ray * 4 + volume * 2] as usize;
+            let end = spans[ray * 4 + volume * 2 + 1] as usize;
+            for i in start..end {
+                let passed = f32::exp(-sigma[i] * steps[i]);
+                let weight = (1.0 - passed) * transmittance;
+                transmittance *= passed + TRANSMITTANCE_EPS;
+                #[unroll]
+                for c in 0..channels {
+                    sums[c] += weight * colours[i * channels + c];
+                }
+                let s = steps[2 * samples + i];
+                depth += weight * steps[samples + i];
+                // Σ_ij w_i w_j |s_i − s_j| for sorted s, accumulated in one pass.
+                distortion += 2.0 * weight * (s * mass - moment);
+                mass += weight;
+                moment += weight * s;
+            }
+        }
+        #[unroll]
+        for c in 0..channels {
+            out[at + c] = sums[c];
+        }
+        out[at + channels] = mass;
+        out[at + channels + 1] = depth;
+        out[at + channels + 2] = distortion;
+    }
+}
+
+/// See [`crate::cpu::composite::forward`].
+pub(crate) fn forward(
+    layout: &CompositeLayout,
+    sigma: &CubeTensor,
+    colours: &CubeTensor,
+) -> CubeTensor {
+    let (rays, channels) = (layout.rays.len(), colours.meta.shape()[1]);
+    let out = [rays, CompositeLayout::outputs(channels)];
+    if sigma.meta.num_elements() == 0 || rays == 0 {
+        return zeros(sigma, out);
+    }
+    let out = empty(sigma, out);
+    let device = Layout::new(sigma, layout);
+    // SAFETY: units write their own ray; a layout's spans lie inside its samples, of which
+    // `checked` has seen that there are as many as densities and colours.
+    unsafe {
+        forward_kernel::launch_unchecked(
+            &sigma.client,
+            cubes_for(rays),
+            cube(),
+            argument(sigma),
+            argument(colours),
+            device.spans.argument(),
+            device.steps.argument(),
+            argument(&out),
+            rays as u32,
+            checked(layout, sigma, colours),
+            channels,
+        );
+    }
+    out
+}
+
+#[cube(launch_unchecked)]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "a kernel's arguments are its buffers and numbers"
+)]
+fn backward_kernel(
+    sigma: &[f32],
+    colours: &[f32],
+    spans: &[u32],
+    steps: &[f32],
+    grad: &[f32],
+    sigma_grad: &mut [f32],
+    colour_grad: &mut [f32],
+    rays: u32,
+    samples: u32,
+    #[comptime] channels: usize,
+) {
+    let ray = ABSOLUTE_POS;
+    if ray < rays as usize {
+        let samples = samples as usize;
+        let at = ray * (channels + 3);
+        let mut transmittance = 1.0f32;
+        let mut mass = 0.0f32;
+        let mut moment = 0.0f32;
+        for volume in 0..2usize {
+            let start = spans[ray * 4 + volume * 2] as usize;
+            let end = spans[ray * 4 + volume * 2 + 1] as usize;
+            for i in start..end {
+                let passed = f32::exp(-sigma[i] * steps[i]);
+                let weight = (1.0 - passed) * transmittance;
+                // What reaches the sample, until the sweep back puts the gradient there.
+                sigma_grad[i] = transmittance;
+                transmittance *= passed + TRANSMITTANCE_EPS;
+                mass += weight;
+                moment += weight * steps[2 * samples + i];
+            }
+        }
+        let by_mass = grad[at + channels];
+        let by_depth = grad[at + channels + 1];
+        let by_distortion = grad[at + channels + 2];
+        let mut mass_before = mass;
+        let mut moment_before = moment;
+        // dL/dT of the transmittance that leaves the sample, from far to near.
+        let mut behind = 0.0f32;
+        for turn in 0..2usize {
+            let volume = 1 - turn;
+            let start = spans[ray * 4 + volume * 2] as usize;
+            let end = spans[ray * 4 + volume * 2 + 1] as usize;
+            for back in 0..end - start {
+                let i = end - 1 - back;
+                let passed = f32::exp(-sigma[i] * steps[i]);
+                let reaching = sigma_grad[i];
+                let weight = (1.0 - passed) * reaching;
+                let s = steps[2 * samples + i];
+                mass_before -= weight;
+                moment_before -= weight * s;
+                let mass_after = mass - mass_before - weight;
+                let moment_after = moment - moment_before - weight * s;
+                let spread = s * mass_before - moment_before + moment_after - s * mass_after;
+                let mut weight_grad =
+                    by_mass + by_depth * steps[samples + i] + 2.0 * by_distortion * spread;
+                #[unroll]
+                for c in 0..channels {
+                    let by_colour = grad[at + c];
+                    weight_grad += by_colour * colours[i * channels + c];
+                    colour_grad[i * channels + c] = by_colour * weight;
+                }
+                let alpha_grad = reaching * (weight_grad - behind);
+                // A huge last step saturates e^(−σδ) at 0; 0 · 1e10 must stay 0.
+                let slope = passed * steps[i];
+                sigma_grad[i] = select(slope > 0.0, alpha_grad * slope, 0.0);
+                behind = (1.0 - passed) * weight_grad + (passed + TRANSMITTANCE_EPS) * behind;
+            }
+        }
+    }
+}
+
+/// See [`crate::cpu::composite::backward`].
+pub(crate) fn backward(
+    layout: &CompositeLayout,
+    sigma: &CubeTensor,
+    colours: &CubeTensor,
+    grad: &CubeTensor,
+) -> (CubeTensor, CubeTensor) {
+    let channels = colours.meta.shape()[1];
+    let samples = checked(layout, sigma, colours);
+    // A sample of two rays would get the gradient of one of them, by chance.
+    layout.in_order();
+    let sigma_grad = zeros(sigma, [samples as usize]);
+    let colour_grad = zeros(sigma, [samples as usize, channels]);
+    if samples > 0 && !layout.rays.is_empty() {
+        let device = Layout::new(sigma, layout);
+        // SAFETY: as of `forward`.
+        unsafe {
+            backward_kernel::launch_unchecked(
+                &sigma.client,
+                cubes_for(layout.rays.len()),
+                cube(),
+                argument(sigma),
+                argument(colours),
+                device.spans.argument(),
+                device.steps.argument(),
+                argument(grad),
+                argument(&sigma_grad),
+                argument(&colour_grad),
+                layout.rays.len() as u32,
+                samples,
+                channels,
+            );
+        }
+    }
+    (sigma_grad, colour_grad)
+}
+
+/// Number of samples.
+fn checked(layout: &CompositeLayout, sigma: &CubeTensor, colours: &CubeTensor) -> u32 {
+    let n = sigma.meta.num_elements();
+    layout.check(n, colours.meta.num_elements(), colours.meta.shape()[1]);
+    let ends = layout
+        .rays
+        .iter()
+        .map(|ray| ray.inner.end.max(ray.outer.end));
+    assert!(ends.max().unwrap_or(0) <= n, "spans of a composite");
+    n as u32
+}

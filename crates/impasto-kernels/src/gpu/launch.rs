@@ -1,0 +1,102 @@
+//! Buffers and launches that all kernels need.
+
+use burn::backend::ops::FloatTensorOps;
+use burn::tensor::{DType, Shape, TensorData};
+use burn_cubecl::CubeBackend;
+use burn_cubecl::cubecl::server::Handle;
+use burn_cubecl::cubecl::{self, prelude::*};
+use burn_cubecl::kernel::into_contiguous;
+use burn_cubecl::ops::numeric::{empty_device_contiguous_dtype, zeros_client};
+use burn_cubecl::tensor::CubeTensor;
+
+/// Units of a cube where they do not work together.
+pub(crate) const UNITS: u32 = 128;
+
+/// Most cubes along one axis that every device takes (WebGPU's limit).
+pub(crate) const MOST_CUBES: usize = 65_535;
+
+/// A tensor's numbers in row-major order, none between them.
+pub(crate) fn whole(tensor: CubeTensor) -> CubeTensor {
+    into_contiguous(tensor)
+}
+
+/// An uninitialised tensor on the device of another.
+pub(crate) fn empty(like: &CubeTensor, shape: impl Into<Shape>) -> CubeTensor {
+    let (client, device) = (like.client.clone(), like.device.clone());
+    empty_device_contiguous_dtype(client, device, shape.into(), DType::F32)
+}
+
+/// Zeros on the device of another tensor.
+pub(crate) fn zeros(like: &CubeTensor, shape: impl Into<Shape>) -> CubeTensor {
+    let (client, device) = (like.client.clone(), like.device.clone());
+    zeros_client(client, device, shape.into(), DType::F32)
+}
+
+/// Numbers on the device of another tensor.
+pub(crate) fn from_slice(
+    like: &CubeTensor,
+    numbers: Vec<f32>,
+    shape: impl Into<Shape>,
+) -> CubeTensor {
+    CubeBackend::float_from_data(TensorData::new(numbers, shape.into()), &like.device)
+}
+
+/// A tensor's numbers in a buffer of their own.
+pub(crate) fn copied(tensor: &CubeTensor) -> CubeTensor {
+    CubeBackend::float_add_scalar(tensor.clone(), 0.0f32.into())
+}
+
+/// A tensor as a kernel's argument.
+pub(crate) fn argument(tensor: &CubeTensor) -> BufferArg {
+    tensor.clone().into_buffer_arg()
+}
+
+/// Constants of a launch, on the device.
+pub(crate) struct Uploaded {
+    handle: Handle,
+    length: usize,
+}
+
+impl Uploaded {
+    /// Integers.
+    pub(crate) fn u32(like: &CubeTensor, numbers: &[u32]) -> Self {
+        Self {
+            handle: like.client.create_from_slice(u32::as_bytes(numbers)),
+            length: numbers.len(),
+        }
+    }
+
+    /// Numbers.
+    pub(crate) fn f32(like: &CubeTensor, numbers: &[f32]) -> Self {
+        Self {
+            handle: like.client.create_from_slice(f32::as_bytes(numbers)),
+            length: numbers.len(),
+        }
+    }
+
+    /// As a kernel's argument.
+    pub(crate) fn argument(&self) -> BufferArg {
+        // SAFETY: the buffer was made with this length.
+        unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
+    }
+}
+
+/// Cubes of [`UNITS`] for so many units in a row, folded into two axes where one does not hold
+/// them; kernels look at `ABSOLUTE_POS`, which runs through both.
+pub(crate) fn cubes_for(units: usize) -> CubeCount {
+    let cubes = units.div_ceil(UNITS as usize);
+    let across = cubes.clamp(1, MOST_CUBES);
+    CubeCount::Static(across as u32, cubes.div_ceil(across).max(1) as u32, 1)
+}
+
+/// Cubes in one row.
+pub(crate) fn cube() -> CubeDim {
+    CubeDim::new_1d(UNITS)
+}
+
+/// Whether a number is neither infinite nor NaN. By its bits: shader compilers assume that
+/// comparisons never see either.
+#[cube]
+pub(crate) fn is_finite(x: f32) -> bool {
+    (x.to_bits() & 0x7f80_0000u32) != 0x7f80_0000u32
+}

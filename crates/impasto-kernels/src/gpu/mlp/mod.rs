@@ -1,0 +1,310 @@
+//! Small MLPs: a cube takes a tile of rows through all layers without leaving its shared memory.
+//! The way back computes the activations again and keeps them in a piece of memory that the cube
+//! has for itself and that stays in the device's cache.
+
+mod backward;
+mod forward;
+mod plan;
+
+use super::launch::{MOST_CUBES, UNITS, Uploaded, argument, cube, cubes_for, empty, zeros};
+use crate::MlpSpec;
+use backward::layer_backward;
+use burn_cubecl::cubecl::{self, prelude::*};
+use burn_cubecl::tensor::CubeTensor;
+use forward::{Quad, Tile, layer_forward, read_rows, write_rows};
+use plan::{Plan, Shape, layer_at};
+
+/// Most cubes of a pass that keeps activations or sums: enough to fill a large device.
+const CUBES: usize = 512;
+
+/// Whether a tile of an MLP's rows has room in the shared memory that every device has.
+pub(crate) fn fits(spec: &MlpSpec) -> bool {
+    Plan::of(spec).fits()
+}
+
+/// Puts every weight where [`forward::product`] looks for it, forward and backward.
+#[cube(launch_unchecked)]
+fn pack_kernel(params: &[f32], table: &[u32], packed: &mut [f32], layers: u32) {
+    let i = ABSOLUTE_POS;
+    for l in 0..layers as usize {
+        let layer = layer_at(table, l);
+        let weights = layer.inputs * layer.outputs;
+        if i >= layer.params && i < layer.params + weights + layer.outputs {
+            let own = i - layer.params;
+            if own < weights {
+                let (o, k) = (own / layer.inputs, own % layer.inputs);
+                let (across, down) = (layer.outputs.div_ceil(4), layer.inputs.div_ceil(4));
+                packed[4 * (layer.forward + k * across) + o] = params[i];
+                packed[4 * (layer.backward + o * down) + k] = params[i];
+            } else {
+                packed[4 * layer.bias + own - weights] = params[i];
+            }
+        }
+    }
+}
+
+/// An MLP's layers and packed weights on the device.
+struct Resident {
+    table: Uploaded,
+    packed: CubeTensor,
+}
+
+impl Resident {
+    fn new(params: &CubeTensor, plan: &Plan) -> Self {
+        let table = Uploaded::u32(params, &plan.table);
+        let packed = zeros(params, [4 * plan.packed]);
+        // SAFETY: units look at their own parameter, behind the last one at none.
+        unsafe {
+            pack_kernel::launch_unchecked(
+                &params.client,
+                cubes_for(plan.params),
+                cube(),
+                argument(params),
+                table.argument(),
+                argument(&packed),
+                plan.layers as u32,
+            );
+        }
+        Self { table, packed }
+    }
+}
+
+#[cube(launch_unchecked)]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "a kernel's arguments are its buffers and numbers"
+)]
+fn forward_kernel(
+    x: &[f32],
+    params: &[f32],
+    table: &[u32],
+    packed: &[Quad],
+    kept: &mut [Quad],
+    out: &mut [f32],
+    rows: u32,
+    tiles: u32,
+    layers: u32,
+    inputs: u32,
+    outputs: u32,
+    #[comptime] shape: Shape,
+) {
+    let (quads, room) = comptime!((shape.quads, shape.room));
+    let mut tile = Tile {
+        from: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
+        to: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
+    };
+    let kept_at = CUBE_POS_X as usize * comptime!(shape.kept * quads);
+    for index in range_stepped(CUBE_POS_X, tiles, CUBE_COUNT_X) {
+        let first_row = index as usize * comptime!(shape.rows());
+        read_rows(
+            x,
+            &mut tile.from,
+            first_row,
+            rows as usize,
+            inputs as usize,
+            quads,
+        );
+        sync_cube();
+        for l in 0..layers as usize {
+            let layer = layer_at(table, l);
+            layer_forward(
+                params, packed, &mut tile, kept, kept_at, &layer, false, shape,
+            );
+        }
+        write_rows(
+            &tile.from,
+            out,
+            first_row,
+            rows as usize,
+            outputs as usize,
+            quads,
+        );
+        sync_cube();
+    }
+}
+
+/// See [`crate::cpu::mlp::forward`].
+pub(crate) fn forward(x: &CubeTensor, params: &CubeTensor, spec: &MlpSpec) -> CubeTensor {
+    let rows = x.meta.shape()[0];
+    let out = empty(x, [rows, spec.outputs()]);
+    if rows == 0 {
+        return out;
+    }
+    let plan = Plan::of(spec);
+    let tiles = plan.tiles(rows);
+    // Only residual blocks keep anything here.
+    let (cubes, kept) = match spec.blocks().is_empty() {
+        true => (tiles.min(MOST_CUBES), 4),
+        false => (tiles.min(CUBES), plan.kept(tiles.min(CUBES))),
+    };
+    let resident = Resident::new(params, &plan);
+    // SAFETY: rows are looked at as far as there are any; the rest is laid out by the plan.
+    unsafe {
+        forward_kernel::launch_unchecked(
+            &x.client,
+            CubeCount::new_1d(cubes as u32),
+            cube(),
+            argument(x),
+            argument(params),
+            resident.table.argument(),
+            argument(&resident.packed),
+            argument(&empty(x, [kept])),
+            argument(&out),
+            rows as u32,
+            tiles as u32,
+            plan.layers as u32,
+            plan.inputs as u32,
+            plan.outputs as u32,
+            plan.shape,
+        );
+    }
+    out
+}
+
+#[cube(launch_unchecked)]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "a kernel's arguments are its buffers and numbers"
+)]
+fn backward_kernel(
+    x: &[f32],
+    params: &[f32],
+    table: &[u32],
+    packed: &[Quad],
+    grad: &[f32],
+    kept: &mut [Quad],
+    sums: &mut [f32],
+    input_grad: &mut [f32],
+    rows: u32,
+    tiles: u32,
+    layers: u32,
+    inputs: u32,
+    outputs: u32,
+    count: u32,
+    #[comptime] need_input: bool,
+    #[comptime] shape: Shape,
+) {
+    let (quads, room) = comptime!((shape.quads, shape.room));
+    let mut tile = Tile {
+        from: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
+        to: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
+    };
+    let kept_at = CUBE_POS_X as usize * comptime!(shape.kept * quads);
+    let sums_at = (CUBE_POS_X * count) as usize;
+    for i in range_stepped(UNIT_POS as usize, count as usize, UNITS as usize) {
+        sums[sums_at + i] = 0.0;
+    }
+    sync_storage();
+    for index in range_stepped(CUBE_POS_X, tiles, CUBE_COUNT_X) {
+        let first_row = index as usize * comptime!(shape.rows());
+        read_rows(
+            x,
+            &mut tile.from,
+            first_row,
+            rows as usize,
+            inputs as usize,
+            quads,
+        );
+        sync_cube();
+        for l in 0..layers as usize {
+            let layer = layer_at(table, l);
+            layer_forward(
+                params, packed, &mut tile, kept, kept_at, &layer, true, shape,
+            );
+        }
+        read_rows(
+            grad,
+            &mut tile.from,
+            first_row,
+            rows as usize,
+            outputs as usize,
+            quads,
+        );
+        sync_storage();
+        for back in 0..layers as usize {
+            let layer = layer_at(table, layers as usize - 1 - back);
+            layer_backward(
+                packed, &mut tile, kept, kept_at, sums, sums_at, &layer, shape,
+            );
+        }
+        if need_input {
+            write_rows(
+                &tile.from,
+                input_grad,
+                first_row,
+                rows as usize,
+                inputs as usize,
+                quads,
+            );
+        }
+        sync_storage();
+    }
+}
+
+/// Adds up what the cubes have found, in their order.
+#[cube(launch_unchecked)]
+fn sum_kernel(sums: &[f32], out: &mut [f32], parts: u32, length: u32) {
+    let i = ABSOLUTE_POS;
+    if i < length as usize {
+        let mut sum = 0.0f32;
+        for part in 0..parts as usize {
+            sum += sums[part * length as usize + i];
+        }
+        out[i] = sum;
+    }
+}
+
+/// See [`crate::cpu::mlp::backward`].
+pub(crate) fn backward(
+    x: &CubeTensor,
+    params: &CubeTensor,
+    grad: &CubeTensor,
+    spec: &MlpSpec,
+    need_input: bool,
+) -> (Option<CubeTensor>, CubeTensor) {
+    let rows = x.meta.shape()[0];
+    let plan = Plan::of(spec);
+    let input_grad = empty(x, [if need_input { rows } else { 1 }, spec.inputs()]);
+    if rows == 0 {
+        return (need_input.then_some(input_grad), zeros(x, [plan.params]));
+    }
+    let params_grad = empty(x, [plan.params]);
+    let tiles = plan.tiles(rows);
+    let cubes = tiles.min(CUBES);
+    let sums = empty(x, [cubes * plan.params]);
+    let resident = Resident::new(params, &plan);
+    // SAFETY: as of `forward`; every cube has its own part of what is kept and summed up.
+    unsafe {
+        backward_kernel::launch_unchecked(
+            &x.client,
+            CubeCount::new_1d(cubes as u32),
+            cube(),
+            argument(x),
+            argument(params),
+            resident.table.argument(),
+            argument(&resident.packed),
+            argument(grad),
+            argument(&empty(x, [plan.kept(cubes)])),
+            argument(&sums),
+            argument(&input_grad),
+            rows as u32,
+            tiles as u32,
+            plan.layers as u32,
+            plan.inputs as u32,
+            plan.outputs as u32,
+            plan.params as u32,
+            need_input,
+            plan.shape,
+        );
+        sum_kernel::launch_unchecked(
+            &x.client,
+            cubes_for(plan.params),
+            cube(),
+            argument(&sums),
+            argument(&params_grad),
+            cubes as u32,
+            plan.params as u32,
+        );
+    }
+    (need_input.then_some(input_grad), params_grad)
+}

@@ -1,0 +1,211 @@
+//! 3×3 convolutions of channels-last images as one product of matrices, whose left one (what is
+//! around each pixel) only ever exists piece by piece in shared memory.
+
+use crate::gpu::launch::{argument, empty};
+use burn_cubecl::cubecl::{self, prelude::*};
+use burn_cubecl::tensor::CubeTensor;
+
+type Quad = Vector<f32, Const<4>>;
+
+/// Pixels and output channels of a cube, in quads, and input channels that it looks at together.
+const PIXELS: usize = 8;
+const OUTPUTS: usize = 8;
+const DEPTH: usize = 16;
+/// A unit computes four outputs of four pixels.
+const UNITS: usize = PIXELS * OUTPUTS;
+
+/// Sizes of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Size {
+    pub(super) height: usize,
+    pub(super) width: usize,
+}
+
+impl Size {
+    pub(super) fn pixels(self) -> usize {
+        self.height * self.width
+    }
+}
+
+/// What a convolution does beside multiplying.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Mode {
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
+    /// Pixels that the result has on each side beyond the input, behind whose border are zeros.
+    pub(super) wider: usize,
+    /// Whether the input is mirrored at its border; zeros otherwise.
+    pub(super) mirrored: bool,
+    /// Whether a bias and relu follow.
+    pub(super) relu: bool,
+    /// Whether input counts only where `mask` is positive.
+    pub(super) masked: bool,
+}
+
+/// A coordinate of the input, `-1` where there is nothing.
+#[cube]
+fn source(at: i32, size: i32, #[comptime] mirrored: bool) -> i32 {
+    let mut inside = at;
+    if mirrored {
+        if at < 0 {
+            inside = -at;
+        }
+        if at >= size {
+            inside = 2 * size - 2 - at;
+        }
+    } else if at >= size {
+        inside = -1i32;
+    }
+    inside
+}
+
+#[cube(launch_unchecked)]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "a kernel's arguments are its buffers and numbers"
+)]
+fn convolve_kernel(
+    input: &[f32],
+    mask: &[f32],
+    filters: &[Quad],
+    bias: &[f32],
+    out: &mut [f32],
+    height: u32,
+    width: u32,
+    #[comptime] mode: Mode,
+) {
+    let inputs = comptime!(mode.inputs);
+    let output_quads = comptime!(mode.outputs.div_ceil(4));
+    let wide = width as usize + comptime!(2 * mode.wider);
+    let pixels = wide * (height as usize + comptime!(2 * mode.wider));
+    let first_pixel = CUBE_POS_X as usize * comptime!(4 * PIXELS);
+    let first_output = CUBE_POS_Y as usize * OUTPUTS;
+    let unit = UNIT_POS as usize;
+    let mut around = Shared::<[Quad]>::new_slice(comptime!(DEPTH * PIXELS));
+    let mut taken = Shared::<[Quad]>::new_slice(comptime!(DEPTH * OUTPUTS));
+    let (own_pixel, own_output) = (unit / OUTPUTS, unit % OUTPUTS);
+    let mut a = Quad::new(0.0);
+    let mut b = Quad::new(0.0);
+    let mut c = Quad::new(0.0);
+    let mut d = Quad::new(0.0);
+    for tap in 0..9usize {
+        let dy = (tap / 3) as i32 - comptime!(mode.wider as i32 + 1);
+        let dx = (tap % 3) as i32 - comptime!(mode.wider as i32 + 1);
+        for first in range_stepped(0usize, inputs, DEPTH) {
+            for i in range_stepped(unit, comptime!(DEPTH * PIXELS), UNITS) {
+                let (channel, quad) = (first + i % DEPTH, i / DEPTH);
+                let mut value = Quad::new(0.0);
+                #[unroll]
+                for p in 0..4usize {
+                    let pixel = first_pixel + 4 * quad + p;
+                    let y = source(
+                        (pixel / wide) as i32 + dy,
+                        height as i32,
+                        comptime!(mode.mirrored),
+                    );
+                    let x = source(
+                        (pixel % wide) as i32 + dx,
+                        width as i32,
+                        comptime!(mode.mirrored),
+                    );
+                    if pixel < pixels && channel < inputs && y >= 0 && x >= 0 {
+                        let at = (y as usize * width as usize + x as usize) * inputs + channel;
+                        if comptime!(mode.masked) {
+                            if mask[at] > 0.0 {
+                                value.insert(p, input[at]);
+                            }
+                        } else {
+                            value.insert(p, input[at]);
+                        }
+                    }
+                }
+                around[(i % DEPTH) * PIXELS + quad] = value;
+            }
+            for i in range_stepped(unit, comptime!(DEPTH * OUTPUTS), UNITS) {
+                let (channel, quad) = (first + i / OUTPUTS, first_output + i % OUTPUTS);
+                let mut value = Quad::new(0.0);
+                if channel < inputs && quad < output_quads {
+                    value = filters[(tap * inputs + channel) * output_quads + quad];
+                }
+                taken[i] = value;
+            }
+            sync_cube();
+            for k in 0..DEPTH {
+                let x = around[k * PIXELS + own_pixel];
+                let w = taken[k * OUTPUTS + own_output];
+                a += w * Quad::new(x.extract(0usize));
+                b += w * Quad::new(x.extract(1usize));
+                c += w * Quad::new(x.extract(2usize));
+                d += w * Quad::new(x.extract(3usize));
+            }
+            sync_cube();
+        }
+    }
+    let pixel = first_pixel + 4 * own_pixel;
+    let output = 4 * (first_output + own_output);
+    write_pixel(a, out, bias, pixel, pixels, output, mode);
+    write_pixel(b, out, bias, pixel + 1, pixels, output, mode);
+    write_pixel(c, out, bias, pixel + 2, pixels, output, mode);
+    write_pixel(d, out, bias, pixel + 3, pixels, output, mode);
+}
+
+/// Writes four channels of a pixel, as far as there are both.
+#[cube]
+fn write_pixel(
+    sums: Quad,
+    out: &mut [f32],
+    bias: &[f32],
+    pixel: usize,
+    pixels: usize,
+    output: usize,
+    #[comptime] mode: Mode,
+) {
+    let outputs = comptime!(mode.outputs);
+    if pixel < pixels {
+        #[unroll]
+        for o in 0..4usize {
+            if output + o < outputs {
+                let mut value = sums.extract(o);
+                if comptime!(mode.relu) {
+                    value += bias[output + o];
+                    // Written so that NaN stays NaN.
+                    value = select(value < 0.0, 0.0f32, value);
+                }
+                out[pixel * outputs + output + o] = value;
+            }
+        }
+    }
+}
+
+/// Convolves `input`, and returns the result; without `mask` and `bias` there are none.
+pub(super) fn convolve(
+    (input, mask): (&CubeTensor, Option<&CubeTensor>),
+    (filters, bias): (&CubeTensor, Option<&CubeTensor>),
+    size: Size,
+    mode: Mode,
+) -> CubeTensor {
+    let (height, width) = (size.height + 2 * mode.wider, size.width + 2 * mode.wider);
+    let out = empty(input, [height * width * mode.outputs]);
+    let cubes = |count: usize, of: usize| count.div_ceil(4 * of) as u32;
+    // SAFETY: pixels and channels are looked at as far as there are any.
+    unsafe {
+        convolve_kernel::launch_unchecked(
+            &input.client,
+            CubeCount::new_2d(cubes(height * width, PIXELS), cubes(mode.outputs, OUTPUTS)),
+            CubeDim::new_1d(UNITS as u32),
+            argument(input),
+            argument(mask.unwrap_or(input)),
+            argument(filters),
+            argument(bias.unwrap_or(input)),
+            argument(&out),
+            size.height as u32,
+            size.width as u32,
+            Mode {
+                relu: bias.is_some(),
+                masked: mask.is_some(),
+                ..mode
+            },
+        );
+    }
+    out
+}

@@ -1,0 +1,125 @@
+//! GPUs: tensors stay where they are.
+
+use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
+use crate::gpu::launch::whole;
+use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance};
+use crate::{
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+};
+use burn::backend::ops::FloatTensorOps;
+use burn::backend::tensor::FloatTensor;
+use burn_cubecl::CubeBackend;
+use std::sync::Arc;
+
+type Primitive = FloatTensor<CubeBackend>;
+
+impl KernelOps for CubeBackend {
+    fn hash_encode(points: Primitive, table: Primitive, spec: HashGridSpec) -> Primitive {
+        hash_grid::encode(&whole(points), &whole(table), &spec)
+    }
+
+    fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
+        let (x, params) = (whole(x), whole(params));
+        match mlp::fits(&spec) {
+            true => mlp::forward(&x, &params, &spec),
+            false => plain_mlp::forward::<Self>(x, &params, &spec),
+        }
+    }
+
+    fn mlp_again(_: Primitive, _: Primitive, out: Primitive, _: MlpSpec) -> Primitive {
+        out
+    }
+
+    fn composite(sigma: Primitive, colours: Primitive, layout: Arc<CompositeLayout>) -> Primitive {
+        composite::forward(&layout, &whole(sigma), &whole(colours))
+    }
+
+    fn perceptual(image: Primitive, stack: Arc<PerceptualStack>) -> Primitive {
+        perceptual::forward(image, &stack).0
+    }
+
+    fn radiance_loss(volumes: RadianceVolumes<Self>, spec: Arc<RadianceSpec>) -> Primitive {
+        radiance::loss(volumes.volumes(), &spec).0
+    }
+
+    fn adam(state: AdamState<Self>, grad: Primitive, step: AdamStep) -> AdamState<Self> {
+        let AdamState {
+            param,
+            first,
+            second,
+        } = state;
+        // What somebody else holds must stay as it is.
+        let own = [param, first, second].map(|tensor| match tensor.handle.can_mut() {
+            true => whole(tensor),
+            false => crate::gpu::launch::copied(&tensor),
+        });
+        adam::update(own.each_ref(), &whole(grad), &step);
+        let [param, first, second] = own;
+        AdamState {
+            param,
+            first,
+            second,
+        }
+    }
+}
+
+impl KernelGrad for CubeBackend {
+    type PerceptualTape = perceptual::Tape;
+
+    fn hash_encode_backward(points: Primitive, grad: Primitive, spec: HashGridSpec) -> Primitive {
+        hash_grid::spread(&whole(points), &whole(grad), &spec)
+    }
+
+    fn mlp_backward(
+        x: Primitive,
+        params: Primitive,
+        grad: Primitive,
+        spec: MlpSpec,
+        need_input: bool,
+    ) -> (Option<Primitive>, Primitive) {
+        let (x, params, grad) = (whole(x), whole(params), whole(grad));
+        if mlp::fits(&spec) {
+            return mlp::backward(&x, &params, &grad, &spec, need_input);
+        }
+        let [input, weights] = plain_mlp::backward::<Self>(x, params, grad, &spec);
+        let Some(weights) = weights else {
+            unreachable!("every layer depends on its parameters");
+        };
+        (input.filter(|_| need_input), weights)
+    }
+
+    fn composite_backward(
+        sigma: Primitive,
+        colours: Primitive,
+        grad: Primitive,
+        layout: Arc<CompositeLayout>,
+    ) -> (Primitive, Primitive) {
+        composite::backward(&layout, &whole(sigma), &whole(colours), &whole(grad))
+    }
+
+    fn radiance_loss_with_gradients(
+        volumes: [Volume<Primitive>; 2],
+        spec: &RadianceSpec,
+    ) -> (Primitive, [Volume<Primitive>; 2]) {
+        radiance::loss(volumes, spec)
+    }
+
+    fn scaled(tensor: Primitive, factor: Primitive) -> Primitive {
+        Self::float_mul(tensor, factor)
+    }
+
+    fn perceptual_taped(
+        image: Primitive,
+        stack: &PerceptualStack,
+    ) -> (Primitive, Self::PerceptualTape) {
+        perceptual::forward(image, stack)
+    }
+
+    fn perceptual_backward(
+        tape: Self::PerceptualTape,
+        grad: Primitive,
+        stack: &PerceptualStack,
+    ) -> Primitive {
+        perceptual::backward(&tape, grad, stack)
+    }
+}
