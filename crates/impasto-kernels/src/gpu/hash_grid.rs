@@ -106,6 +106,10 @@ fn counts(points: &[f32], row: usize) -> bool {
 }
 
 #[cube(launch_unchecked)]
+#[allow(
+    clippy::needless_pass_by_value,
+    reason = "what is known at compile time is passed so"
+)]
 fn encode_kernel<N: Size>(
     points: &[f32],
     table: &[Vector<f32, N>],
@@ -211,6 +215,10 @@ impl Adds for Exchanged {
 }
 
 #[cube(launch_unchecked)]
+#[allow(
+    clippy::needless_pass_by_value,
+    reason = "what is known at compile time is passed so"
+)]
 fn spread_kernel<A: Adds>(
     points: &[f32],
     grad: &[f32],
