@@ -14,7 +14,7 @@ pub enum DeviceChoice {
     Cpu,
     /// The first GPU; a software rasteriser where there is nothing else.
     Gpu,
-    /// A GPU by its number in [`gpus`].
+    /// A GPU by its number, real ones first.
     GpuAt(usize),
 }
 
@@ -58,16 +58,9 @@ pub struct Opened {
 }
 
 /// Why there is no such device.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
 pub struct NoDevice(String);
-
-impl fmt::Display for NoDevice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for NoDevice {}
 
 fn cpu(note: Option<String>) -> Opened {
     Opened {
@@ -206,14 +199,6 @@ mod gpu {
         });
         Ok(Opened { device, name, note })
     }
-}
-
-/// Names of the GPUs of this machine, in the order of `gpu:N`; empty without the feature `gpu`.
-pub fn gpus() -> Vec<String> {
-    (0..)
-        .map_while(|number| DeviceChoice::GpuAt(number).open().ok())
-        .map(|opened| opened.name)
-        .collect()
 }
 
 /// The device that tests run on: the CPU, or what the environment variable `IMPASTO_DEVICE` names.

@@ -118,6 +118,35 @@ pub(crate) fn forward(
     out
 }
 
+/// Leaves in `reaching` what share of the light reaches each of a ray's samples; returns the sum of
+/// their weights and of weight times distance.
+#[cube]
+fn sweep(
+    sigma: &[f32],
+    spans: &[u32],
+    steps: &[f32],
+    reaching: &mut [f32],
+    ray: usize,
+    samples: usize,
+) -> (f32, f32) {
+    let mut transmittance = 1.0f32;
+    let mut mass = 0.0f32;
+    let mut moment = 0.0f32;
+    for volume in 0..2usize {
+        let start = spans[ray * 4 + volume * 2] as usize;
+        let end = spans[ray * 4 + volume * 2 + 1] as usize;
+        for i in start..end {
+            let passed = f32::exp(-sigma[i] * steps[i]);
+            let weight = (1.0 - passed) * transmittance;
+            reaching[i] = transmittance;
+            transmittance *= passed + TRANSMITTANCE_EPS;
+            mass += weight;
+            moment += weight * steps[2 * samples + i];
+        }
+    }
+    (mass, moment)
+}
+
 #[cube(launch_unchecked)]
 #[allow(
     clippy::too_many_arguments,
@@ -139,22 +168,8 @@ fn backward_kernel(
     if ray < rays as usize {
         let samples = samples as usize;
         let at = ray * (channels + 3);
-        let mut transmittance = 1.0f32;
-        let mut mass = 0.0f32;
-        let mut moment = 0.0f32;
-        for volume in 0..2usize {
-            let start = spans[ray * 4 + volume * 2] as usize;
-            let end = spans[ray * 4 + volume * 2 + 1] as usize;
-            for i in start..end {
-                let passed = f32::exp(-sigma[i] * steps[i]);
-                let weight = (1.0 - passed) * transmittance;
-                // What reaches the sample, until the sweep back puts the gradient there.
-                sigma_grad[i] = transmittance;
-                transmittance *= passed + TRANSMITTANCE_EPS;
-                mass += weight;
-                moment += weight * steps[2 * samples + i];
-            }
-        }
+        // What reaches a sample stands in its gradient's place until the way back has used it.
+        let (mass, moment) = sweep(sigma, spans, steps, sigma_grad, ray, samples);
         let by_mass = grad[at + channels];
         let by_depth = grad[at + channels + 1];
         let by_distortion = grad[at + channels + 2];

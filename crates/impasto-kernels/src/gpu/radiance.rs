@@ -211,6 +211,33 @@ impl Shaded {
     }
 }
 
+/// Loss and error of composited pixels, and the loss's gradient for them.
+fn pixel_loss(pixels: &CubeTensor, spec: &RadianceSpec) -> ([CubeTensor; 2], CubeTensor) {
+    let rays = spec.layout.rays.len();
+    let (errors, losses) = (empty(pixels, [rays]), empty(pixels, [rays]));
+    let pixel_grads = empty(pixels, [rays, 6]);
+    if rays > 0 {
+        // SAFETY: units look at their own ray.
+        unsafe {
+            loss_kernel::launch_unchecked(
+                &pixels.client,
+                cubes_for(rays),
+                cube(),
+                argument(pixels),
+                Uploaded::f32(pixels, &spec.targets).argument(),
+                argument(&errors),
+                argument(&losses),
+                argument(&pixel_grads),
+                spec.depth,
+                spec.distortion,
+                rays as u32,
+            );
+        }
+    }
+    let sums = [losses, errors].map(CubeBackend::float_sum);
+    (sums, pixel_grads)
+}
+
 /// See [`crate::cpu::radiance::loss`]: loss, error and densities in one tensor, and gradients.
 ///
 /// # Panics
@@ -241,30 +268,9 @@ pub(crate) fn loss(
     let densities = CubeBackend::float_cat(vec![inner.density.clone(), outer.density.clone()], 0);
     let colours = CubeBackend::float_cat(vec![inner.colours.clone(), outer.colours.clone()], 0);
     let pixels = composite::forward(&spec.layout, &densities, &colours);
-    let rays = spec.layout.rays.len();
-    let (errors, losses) = (empty(like, [rays]), empty(like, [rays]));
-    let pixel_grads = empty(like, [rays, 6]);
-    if rays > 0 {
-        // SAFETY: units look at their own ray.
-        unsafe {
-            loss_kernel::launch_unchecked(
-                &like.client,
-                cubes_for(rays),
-                cube(),
-                argument(&pixels),
-                Uploaded::f32(like, &spec.targets).argument(),
-                argument(&errors),
-                argument(&losses),
-                argument(&pixel_grads),
-                spec.depth,
-                spec.distortion,
-                rays as u32,
-            );
-        }
-    }
+    let ([losses, errors], pixel_grads) = pixel_loss(&pixels, spec);
     let (density_grads, colour_grads) =
         composite::backward(&spec.layout, &densities, &colours, &pixel_grads);
-    let [losses, errors] = [losses, errors].map(CubeBackend::float_sum);
     let out = CubeBackend::float_cat(vec![losses, errors, densities], 0);
     let split = |from: usize, to: usize, tensor: &CubeTensor| {
         whole(CubeBackend::float_slice(

@@ -101,6 +101,35 @@ fn row_sum(tile: &Shared<[Quad]>, channel: usize, #[comptime] quads: usize) -> f
     sum.dot(Quad::new(1.0))
 }
 
+/// From the gradient of a layer's result to that of what its activation was applied to, in place.
+#[cube]
+fn activation_back(
+    tile: &mut Tile,
+    kept: &mut [Quad],
+    output: usize,
+    around: usize,
+    layer: &Layer,
+    #[comptime] quads: usize,
+) {
+    let count = 4 * layer.outputs.div_ceil(4) * quads;
+    for i in range_stepped(UNIT_POS as usize, count, UNITS as usize) {
+        let mut gradient = Quad::new(0.0);
+        // Behind the last channel of a quad there is nothing.
+        if i < layer.outputs * quads {
+            gradient = tile.from[i];
+            if layer.entry != 0 {
+                kept[around + i] = gradient;
+            }
+            let mut result = kept[output + i];
+            if layer.layer_norm {
+                result = activated(result, layer.activation);
+            }
+            gradient *= slope(result, layer.activation);
+        }
+        tile.from[i] = gradient;
+    }
+}
+
 /// One layer back: `tile.from` holds the gradient of the layer's result and, afterwards, that of
 /// its input.
 #[cube]
@@ -118,22 +147,7 @@ pub(super) fn layer_backward(
     let unit = UNIT_POS as usize;
     let output = kept_at + layer.kept_output * quads;
     let around = kept_at + comptime!(shape.around * quads);
-    for i in range_stepped(unit, 4 * layer.outputs.div_ceil(4) * quads, UNITS as usize) {
-        let mut gradient = Quad::new(0.0);
-        // Behind the last channel of a quad there is nothing.
-        if i < layer.outputs * quads {
-            gradient = tile.from[i];
-            if layer.entry != 0 {
-                kept[around + i] = gradient;
-            }
-            let mut result = kept[output + i];
-            if layer.layer_norm {
-                result = activated(result, layer.activation);
-            }
-            gradient *= slope(result, layer.activation);
-        }
-        tile.from[i] = gradient;
-    }
+    activation_back(tile, kept, output, around, layer, quads);
     sync_storage();
     if layer.layer_norm {
         normalise_back(&mut tile.from, kept, output, layer.outputs, quads);

@@ -20,6 +20,15 @@ pub(super) struct Tile {
     pub(super) to: Shared<[Quad]>,
 }
 
+/// Room for a tile.
+#[cube]
+pub(super) fn new_tile(#[comptime] shape: Shape) -> Tile {
+    Tile {
+        from: Shared::<[Quad]>::new_slice(comptime!(shape.room * shape.quads)),
+        to: Shared::<[Quad]>::new_slice(comptime!(shape.room * shape.quads)),
+    }
+}
+
 /// Reads `channels` channels of the tile's rows, zeros behind the last row.
 #[cube]
 pub(super) fn read_rows(

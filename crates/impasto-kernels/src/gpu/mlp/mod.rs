@@ -11,7 +11,7 @@ use crate::MlpSpec;
 use backward::layer_backward;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
-use forward::{Quad, Tile, layer_forward, read_rows, write_rows};
+use forward::{Quad, layer_forward, new_tile, read_rows, write_rows};
 use plan::{Plan, Shape, layer_at};
 
 /// Most cubes of a pass that keeps activations or sums: enough to fill a large device.
@@ -88,11 +88,8 @@ fn forward_kernel(
     outputs: u32,
     #[comptime] shape: Shape,
 ) {
-    let (quads, room) = comptime!((shape.quads, shape.room));
-    let mut tile = Tile {
-        from: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
-        to: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
-    };
+    let quads = comptime!(shape.quads);
+    let mut tile = new_tile(shape);
     let kept_at = CUBE_POS_X as usize * comptime!(shape.kept * quads);
     for index in range_stepped(CUBE_POS_X, tiles, CUBE_COUNT_X) {
         let first_row = index as usize * comptime!(shape.rows());
@@ -184,11 +181,8 @@ fn backward_kernel(
     #[comptime] need_input: bool,
     #[comptime] shape: Shape,
 ) {
-    let (quads, room) = comptime!((shape.quads, shape.room));
-    let mut tile = Tile {
-        from: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
-        to: Shared::<[Quad]>::new_slice(comptime!(room * quads)),
-    };
+    let quads = comptime!(shape.quads);
+    let mut tile = new_tile(shape);
     let kept_at = CUBE_POS_X as usize * comptime!(shape.kept * quads);
     let sums_at = (CUBE_POS_X * count) as usize;
     for i in range_stepped(UNIT_POS as usize, count as usize, UNITS as usize) {

@@ -59,6 +59,34 @@ fn source(at: i32, size: i32, #[comptime] mirrored: bool) -> i32 {
     inside
 }
 
+/// A channel of the input at a place that may lie outside.
+#[cube]
+fn number_at(
+    input: &[f32],
+    mask: &[f32],
+    y: i32,
+    x: i32,
+    channel: usize,
+    height: u32,
+    width: u32,
+    #[comptime] mode: Mode,
+) -> f32 {
+    let y = source(y, height as i32, comptime!(mode.mirrored));
+    let x = source(x, width as i32, comptime!(mode.mirrored));
+    let mut number = 0.0f32;
+    if y >= 0 && x >= 0 {
+        let at = (y as usize * width as usize + x as usize) * comptime!(mode.inputs) + channel;
+        if comptime!(mode.masked) {
+            if mask[at] > 0.0 {
+                number = input[at];
+            }
+        } else {
+            number = input[at];
+        }
+    }
+    number
+}
+
 #[cube(launch_unchecked)]
 #[allow(
     clippy::too_many_arguments,
@@ -98,25 +126,10 @@ fn convolve_kernel(
                 #[unroll]
                 for p in 0..4usize {
                     let pixel = first_pixel + 4 * quad + p;
-                    let y = source(
-                        (pixel / wide) as i32 + dy,
-                        height as i32,
-                        comptime!(mode.mirrored),
-                    );
-                    let x = source(
-                        (pixel % wide) as i32 + dx,
-                        width as i32,
-                        comptime!(mode.mirrored),
-                    );
-                    if pixel < pixels && channel < inputs && y >= 0 && x >= 0 {
-                        let at = (y as usize * width as usize + x as usize) * inputs + channel;
-                        if comptime!(mode.masked) {
-                            if mask[at] > 0.0 {
-                                value.insert(p, input[at]);
-                            }
-                        } else {
-                            value.insert(p, input[at]);
-                        }
+                    if pixel < pixels && channel < inputs {
+                        let (y, x) = ((pixel / wide) as i32 + dy, (pixel % wide) as i32 + dx);
+                        let found = number_at(input, mask, y, x, channel, height, width, mode);
+                        value.insert(p, found);
                     }
                 }
                 around[(i % DEPTH) * PIXELS + quad] = value;
