@@ -2,10 +2,9 @@
 
 use crate::branch::{encoding_weights, kaiming};
 use crate::config::EncodingConfig;
-use crate::encoding::{Positions, encode, frequencies, matrix};
 use crate::network::AppNetwork;
 use burn::tensor::{Device, Tensor};
-use impasto_kernels::{Activation, HashGridSpec, MlpSpec};
+use impasto_kernels::{Activation, MlpSpec};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
@@ -109,97 +108,6 @@ impl Appearance {
                 outer: encoding_weights(c, FIRST_PAINT, rng, device),
             }),
             config,
-        }
-    }
-}
-
-impl Appearance {
-    /// Colours of one volume's samples, or `known` ones with the gradients that computing them
-    /// would have.
-    ///
-    /// # Shapes
-    /// `features`: `[n, f]`; `spreads`: `n`, or none for single points, see
-    /// [`VolumeSamples::spreads`](crate::sampling::VolumeSamples); `views`: `n × 3` unit vectors; result and `known`: `[n, 3]` in
-    /// `(0, 1)`.
-    pub(crate) fn shade(
-        &self,
-        features: Tensor<2>,
-        (positions, spreads): (&Positions<'_>, &[f32]),
-        views: &[f32],
-        known: Option<Tensor<2>>,
-    ) -> Tensor<2> {
-        let (config, canvas) = (&self.config, self.canvas.as_ref());
-        let (weights, canvas) = match positions.dimensions {
-            4 => (&self.outer, canvas.map(|c| &c.outer)),
-            _ => (&self.inner, canvas.map(|c| &c.inner)),
-        };
-        let network = config.network(features.dims()[1], positions.dimensions);
-        let device = weights.device();
-        let mut inputs = Vec::new();
-        if let Some(bands) = config.view_bands {
-            inputs.push(matrix(
-                frequencies(views, 3, bands),
-                3 * (1 + 2 * bands),
-                &device,
-            ));
-        }
-        if let (Some(encoding), Some(canvas)) = (&config.canvas, canvas) {
-            let strokes = encode(encoding, canvas, positions);
-            inputs.push(match encoding.hash_grid() {
-                Some(grid) if !spreads.is_empty() => strokes * faded(&grid, spreads, &device),
-                _ => strokes,
-            });
-        }
-        network.forward(features, inputs, (weights, self.latent.as_ref()), known)
-    }
-}
-
-/// How much of a canvas is left for a ray whose light comes from a stretch of it: what is finer than
-/// the stretch would average out, and read at the mean place instead it is something else for every
-/// view. Half of a level is left where the standard deviation of the stretch is one of its cells.
-///
-/// # Shapes
-/// `spreads`: `n`, in the unit cube; result: `[n, levels × features]` in `(0, 1]`. Constants: nothing
-/// flows back to where light comes from.
-fn faded(grid: &HashGridSpec, spreads: &[f32], device: &Device) -> Tensor<2> {
-    let cells: Vec<f32> = (0..grid.levels)
-        .map(|level| grid.resolution(level))
-        .collect();
-    let mut shares = Vec::with_capacity(spreads.len() * grid.outputs());
-    for spread in spreads {
-        for resolution in &cells {
-            let share = 1.0 / (1.0 + (spread * resolution).powi(2));
-            shares.extend(std::iter::repeat_n(share, grid.features));
-        }
-    }
-    matrix(shares, grid.outputs(), device)
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, reason = "a test may panic")]
-
-    use super::*;
-
-    #[test]
-    fn fine_levels_fade_before_coarse_ones() {
-        let grid = HashGridSpec {
-            levels: 2,
-            features: 2,
-            log2_entries: 8,
-            coarsest: 10.0,
-            finest: 100.0,
-        };
-        let found = faded(&grid, &[0.0, 0.01, 0.1], &Device::flex());
-        assert_eq!(found.dims(), [3, 4]);
-        let found = found.into_data().try_to_vec_as::<f32>().unwrap();
-        let wanted = [
-            [1.0; 4],
-            [1.0 / 1.01, 1.0 / 1.01, 0.5, 0.5],
-            [0.5, 0.5, 1.0 / 101.0, 1.0 / 101.0],
-        ];
-        for (found, wanted) in found.iter().zip(wanted.as_flattened()) {
-            assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
         }
     }
 }

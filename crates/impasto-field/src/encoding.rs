@@ -29,6 +29,19 @@ pub fn frequencies(rows: &[f32], dimensions: usize, bands: usize) -> Vec<f32> {
     out
 }
 
+/// [`frequencies`] of rows that are on a device; in single precision, for few bands.
+///
+/// # Shapes
+/// `rows`: `[n, dimensions]`; result: `[n, dimensions · (1 + 2 · bands)]`.
+pub fn frequencies_of(rows: Tensor<2>, bands: usize) -> Tensor<2> {
+    let mut parts = vec![rows.clone()];
+    for band in 0..bands {
+        let turned = rows.clone() * (1u32 << band) as f32;
+        parts.extend([turned.clone().sin(), turned.cos()]);
+    }
+    Tensor::cat(parts, 1)
+}
+
 /// Encodes positions with the encoding's weights (the hash table; unused for frequencies).
 ///
 /// # Shapes

@@ -37,21 +37,24 @@ pub struct FieldWeights {
 #[derive(Debug, Clone)]
 pub struct Grids {
     /// Over [`crate::sphere::inner_cube`]; densities per scene unit.
-    pub inner: DensityGrid,
+    pub(crate) inner: DensityGrid,
     /// Over [`crate::sphere::outer_cube`]; densities per unit of inverse radius.
-    pub outer: DensityGrid,
+    pub(crate) outer: DensityGrid,
+    /// The same on a GPU, once that was asked for.
+    #[cfg(feature = "gpu")]
+    pub(crate) resident: std::sync::OnceLock<crate::resident::Copied>,
 }
 
 /// Cells that a camera may see. The others start empty and are looked at only where training rays
 /// pass. One flag per cell of each grid.
 #[derive(Debug, Clone)]
 pub struct Visible {
-    inner: Vec<bool>,
-    outer: Vec<bool>,
+    pub(crate) inner: Vec<bool>,
+    pub(crate) outer: Vec<bool>,
 }
 
 /// Optical depth of a cell from which on it is looked at more often.
-const DENSE: f32 = 0.03;
+pub(crate) const DENSE: f32 = 0.03;
 /// Cells of one task of an update; fixed, so that its random places do not depend on the number of
 /// threads.
 const CELLS: usize = 1 << 15;
@@ -128,10 +131,10 @@ impl Field {
     /// Grids of one density in all cells, or in the visible ones.
     pub fn grids(&self, density: f32, visible: Option<&Visible>) -> Grids {
         let sampling = &self.config.sampling;
-        let mut grids = Grids {
-            inner: DensityGrid::new(sampling.inner_grid, density),
-            outer: DensityGrid::new(sampling.outer_grid, density),
-        };
+        let mut grids = Grids::new(
+            DensityGrid::new(sampling.inner_grid, density),
+            DensityGrid::new(sampling.outer_grid, density),
+        );
         if let Some(visible) = visible {
             grids.inner.keep_only(&visible.inner);
             grids.outer.keep_only(&visible.outer);
@@ -149,6 +152,7 @@ impl Field {
         shares: [f32; 2],
         rng: &mut Pcg64,
     ) {
+        grids.forget_copy();
         let jobs = [
             (
                 &mut grids.inner,
@@ -221,8 +225,35 @@ fn places(
 }
 
 impl Grids {
+    /// Grids of the inner and the outer volume.
+    pub fn new(inner: DensityGrid, outer: DensityGrid) -> Self {
+        Self {
+            inner,
+            outer,
+            #[cfg(feature = "gpu")]
+            resident: std::sync::OnceLock::new(),
+        }
+    }
+
+    /// Over [`crate::sphere::inner_cube`]; densities per scene unit.
+    pub fn inner(&self) -> &DensityGrid {
+        &self.inner
+    }
+
+    /// Over [`crate::sphere::outer_cube`]; densities per unit of inverse radius.
+    pub fn outer(&self) -> &DensityGrid {
+        &self.outer
+    }
+
+    /// What was copied to a GPU is no longer what is here.
+    fn forget_copy(&mut self) {
+        #[cfg(feature = "gpu")]
+        self.resident.take();
+    }
+
     /// Takes note of the densities of samples, in layout order, until the next update.
     pub fn observe(&mut self, samples: &Samples, densities: &[f32]) {
+        self.forget_copy();
         let (inner, outer) = densities.split_at(samples.inner.len());
         for (grid, cube, densities) in [
             (&mut self.inner, &samples.inner.cube, inner),

@@ -7,7 +7,9 @@
 //! - [`appearance`]: `app`, whose weights are data: learned for photos, predicted for paintings;
 //! - [`sampling`]: samples where density grids expect light, packed ray by ray;
 //! - `surface`: a ray's samples merged to one per volume, for cheap shading;
+//! - [`paintable`]: all that `app` looks at and no style changes;
 //! - [`loss`]: the geometry stage's loss, in one operation;
+//! - `resident` (feature `gpu`): the same on a GPU without ever coming back from there;
 //! - [`render`]: the one ray renderer that training, rendering and evaluation share.
 //!
 //! Styles are unknown here except as "weights of `app`".
@@ -19,7 +21,10 @@ pub mod encoding;
 pub mod field;
 pub mod loss;
 pub mod network;
+pub mod paintable;
 pub mod render;
+#[cfg(feature = "gpu")]
+pub mod resident;
 pub mod sampling;
 pub mod sphere;
 mod surface;
@@ -31,5 +36,6 @@ pub use config::{
 };
 pub use field::{Field, FieldWeights, Grids, Visible};
 pub use network::{AppNetwork, Trunk};
+pub use paintable::Paintable;
 pub use render::{Geometry, Prepared, RenderedRays, prepare_rays, render_rays};
 pub use sampling::{RayBatch, Samples, contracted_distance};

@@ -3,13 +3,13 @@
 use crate::appearance::{Appearance, AppearanceConfig, Shading};
 use crate::encoding::matrix;
 use crate::field::{Field, FieldWeights, Grids};
+use crate::paintable::Paintable;
 use crate::sampling::{RayBatch, Samples, cascade, march};
 use burn::tensor::{Device, Tensor};
+use impasto_kernels::CompositeLayout;
 use impasto_kernels::cpu::composite;
 use impasto_kernels::device::is_cpu;
-use impasto_kernels::{CompositeLayout, ops};
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// The numbers of a tensor, in row-major order.
 pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
@@ -36,16 +36,6 @@ impl Geometry {
     /// The fixed part of the composite.
     pub fn layout(&self) -> &CompositeLayout {
         &self.samples.layout
-    }
-
-    /// The same as constants of an autodiff graph, for training `app` on frozen geometry.
-    pub fn lifted(self) -> Self {
-        Self {
-            inner: self.inner.map(Tensor::from_inner),
-            outer: self.outer.map(Tensor::from_inner),
-            density: Tensor::from_inner(self.density),
-            ..self
-        }
     }
 
     /// Density of each sample.
@@ -250,51 +240,10 @@ impl Geometry {
         }
     }
 
-    /// Colours every sample with `appearance` and composites. The geometry must be
+    /// All that an appearance of this configuration looks at. The geometry must be
     /// [`Self::prepared`] for it.
-    ///
-    /// # Shapes
-    /// Result: `[rays, 6]` = RGB, opacity, Σ weight·depth, distortion.
-    pub fn composite(&self, appearance: &Appearance) -> Tensor<2> {
-        self.composite_colours(self.colours(appearance, None))
-    }
-
-    /// Colour of every sample, or `known` ones, of another graph, with the gradients that
-    /// computing them would have.
-    ///
-    /// # Shapes
-    /// Result and `known`: `[samples, 3]` in layout order.
-    pub fn colours(&self, appearance: &Appearance, known: Option<&Tensor<2>>) -> Tensor<2> {
-        let split = self.samples.inner.len();
-        let volumes = [
-            (&self.inner, &self.samples.inner, 3, 0..split),
-            (
-                &self.outer,
-                &self.samples.outer,
-                4,
-                split..self.samples.len(),
-            ),
-        ];
-        let colours = volumes
-            .into_iter()
-            .filter_map(|(features, samples, dimensions, range)| {
-                let known = known.map(|k| k.clone().slice_dim(0, range));
-                let positions = samples.positions(dimensions);
-                let features = features.clone()?;
-                let places = (&positions, samples.spreads.as_slice());
-                Some(appearance.shade(features, places, &samples.views, known))
-            });
-        let mut colours: Vec<_> = colours.collect();
-        match colours.len() {
-            1 => colours.remove(0),
-            _ => Tensor::cat(colours, 0),
-        }
-    }
-
-    /// Composites samples of given colours, `[samples, 3]`; result as of [`Self::composite`].
-    pub fn composite_colours(&self, colours: Tensor<2>) -> Tensor<2> {
-        let layout = Arc::clone(&self.samples.layout);
-        ops::composite(self.density.clone(), colours, layout)
+    pub fn paintable(self, config: &AppearanceConfig) -> Paintable {
+        Paintable::new(self, config)
     }
 }
 
@@ -322,6 +271,10 @@ pub fn render_rays(
     appearances: &[&Appearance],
     rays: &RayBatch,
 ) -> RenderedRays {
+    #[cfg(feature = "gpu")]
+    if let Some(rendered) = field.render_resident(weights, grids, appearances, rays) {
+        return rendered;
+    }
     let device = weights.inner.encoding.device();
     let chunks = in_chunks(rays, &device, usize::MAX, |_, chunk| {
         render_chunk(field, weights, grids, appearances, &chunk)
@@ -370,10 +323,10 @@ fn in_chunks<T: Send>(
 /// Rays made ready for painting, whatever the style.
 #[derive(Debug, Clone)]
 pub struct Prepared {
-    /// Geometry of the first field of a cascade, where there is one, then of the field; each in
-    /// turns, ray after ray.
-    pub levels: Vec<Vec<Geometry>>,
-    /// The field's colours of the rays in the photo's look, as [`Geometry::composite`] gives them,
+    /// Of the first field of a cascade, where there is one, then of the field; each in turns, ray
+    /// after ray.
+    pub levels: Vec<Vec<Paintable>>,
+    /// The field's colours of the rays in the photo's look, as [`Paintable::composite`] gives them,
     /// where that was asked for.
     pub colours: Option<Tensor<2>>,
 }
@@ -391,18 +344,26 @@ pub fn prepare_rays(
     rays: &RayBatch,
     seed: u64,
 ) -> Prepared {
+    #[cfg(feature = "gpu")]
+    if let Some(prepared) = field.prepare_resident((weights, grids), photo, (app, turn), rays, seed)
+    {
+        return prepared;
+    }
     let device = weights.inner.encoding.device();
     let parts = in_chunks(rays, &device, turn, |chunk, rays| {
         let seed = seed.wrapping_add(chunk as u64);
         let (first, geometry) = field.look_twice(weights, &rays, grids, Some(seed));
         let geometry = geometry.contributing(least);
-        let colours = photo.map(|photo| geometry.clone().prepared(&photo.config).composite(photo));
+        let colours = photo.map(|photo| {
+            let geometry = geometry.clone().prepared(&photo.config);
+            geometry.paintable(&photo.config).composite(photo)
+        });
         let first = first.map(|first| first.contributing(least));
         let levels = first.into_iter().chain([geometry]);
         let levels: Vec<Geometry> = levels.map(|level| level.prepared(app)).collect();
         (levels, colours)
     });
-    let (mut levels, mut colours) = (Vec::<Vec<Geometry>>::new(), Vec::new());
+    let (mut levels, mut colours) = (Vec::<Vec<Paintable>>::new(), Vec::new());
     let mut parts = parts.into_iter().peekable();
     while parts.peek().is_some() {
         let mut chunks: Vec<Vec<Geometry>> = Vec::new();
@@ -415,7 +376,7 @@ pub fn prepare_rays(
         }
         levels.resize_with(chunks.len(), Vec::new);
         for (level, chunks) in levels.iter_mut().zip(chunks) {
-            level.push(Geometry::joined(chunks));
+            level.push(Geometry::joined(chunks).paintable(app));
         }
     }
     Prepared {
@@ -437,14 +398,21 @@ fn render_chunk(
     let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
     let samples = needs(Shading::Samples).then(|| geometry.kept(&light, SHADE_LEAST));
     let surface = needs(Shading::Surface).then(|| geometry.merged(&light));
+    let mut paintables: Vec<(&AppearanceConfig, Paintable)> = Vec::new();
     let colours = appearances.iter().map(|appearance| {
-        let prepared = match appearance.config.shading {
+        let config = &appearance.config;
+        let geometry = match config.shading {
             Shading::Samples => &samples,
             Shading::Surface => &surface,
         };
-        let prepared = prepared.iter();
-        let pixels: Vec<f32> = prepared
-            .flat_map(|p| host(p.composite(appearance)))
+        // Looks of one model have one configuration.
+        if !paintables.iter().any(|(known, _)| *known == config) {
+            let paintable = geometry.clone().map(|geometry| geometry.paintable(config));
+            paintables.extend(paintable.map(|paintable| (config, paintable)));
+        }
+        let paintable = paintables.iter().filter(|(known, _)| *known == config);
+        let pixels: Vec<f32> = paintable
+            .flat_map(|(_, paintable)| host(paintable.composite(appearance)))
             .collect();
         let (pixels, _) = pixels.as_chunks::<{ CompositeLayout::outputs(3) }>();
         let colours = pixels.iter().flat_map(|pixel| &pixel[..3]);

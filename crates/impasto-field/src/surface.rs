@@ -4,14 +4,10 @@ use crate::encoding::matrix;
 use crate::render::{Geometry, host};
 use crate::sampling::{Samples, VolumeSamples};
 use burn::tensor::Tensor;
+use impasto_kernels::cpu::composite::{LEAST_SHARE, OPAQUE};
 use impasto_kernels::{CompositeLayout, RaySpan};
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Share of a ray's light under which its inner or its outer samples are left out.
-const LEAST_SHARE: f32 = 2e-3;
-/// Optical depth of a step that lets nothing through, in single precision.
-const OPAQUE: f32 = 20.0;
 
 /// One volume's merged samples.
 struct Merged<'a> {

@@ -11,6 +11,8 @@ use impasto_field::{
     Appearance, AppearanceConfig, BranchWeights, Field, FieldWeights, Grids, Samples, Visible,
     contracted_distance, loss::Wanted, render::host,
 };
+#[cfg(feature = "gpu")]
+use impasto_kernels::Volume;
 use impasto_kernels::ops::AdamParam;
 use impasto_scene::{Camera, Photo, Scene};
 use rand::{RngExt, SeedableRng};
@@ -32,16 +34,54 @@ pub struct GeometryStage {
     surfaces: Vec<KnownSurface>,
     /// The field, after the first field of a cascade.
     levels: Vec<Params>,
+    /// While a GPU trains on its own, what there was before.
     grids: Grids,
+    #[cfg(feature = "gpu")]
+    resident: Option<Resident>,
     visible: Visible,
     rng: Pcg64,
     step: u64,
 }
 
+/// Steps between two looks at the loss of a GPU that trains on its own: often enough that a budget
+/// in seconds holds, since the host runs ahead.
+#[cfg(feature = "gpu")]
+const READ_EVERY: u64 = 16;
+/// How many times as many rays a step a GPU gets: fewer do not keep it busy.
+#[cfg(feature = "gpu")]
+const GPU_RAYS: usize = 8;
+
+/// A field that never leaves the GPU.
+#[cfg(feature = "gpu")]
+struct Resident {
+    training: impasto_field::resident::ResidentTraining,
+    /// As of the last look.
+    loss: f64,
+}
+
+#[cfg(feature = "gpu")]
+impl Resident {
+    /// `None` where the host has a part in every step.
+    fn new(stage: &GeometryStage, device: &Device) -> Option<Self> {
+        use impasto_field::resident::ResidentTraining;
+        // More rays than may be looked at together are a matter for the host.
+        if stage.config.rays[1] > stage.config.rays_at_once {
+            return None;
+        }
+        let app = &stage.levels[0].app_config;
+        let grids = (&stage.grids, &stage.visible);
+        let training = ResidentTraining::new(&stage.field, app, grids, device)?;
+        Some(Self {
+            training,
+            loss: f64::NAN,
+        })
+    }
+}
+
 /// What one step did.
 #[derive(Debug, Clone, Copy)]
 pub struct StepReport {
-    /// Mean squared error of the colours.
+    /// Mean squared error of the colours; on a GPU that of a step shortly before.
     pub loss: f64,
     /// Rays used.
     pub rays: usize,
@@ -135,6 +175,10 @@ impl GeometryStage {
             *first = Params::new(*coarse, &app);
         }
         stage.grids = file.grids.clone();
+        #[cfg(feature = "gpu")]
+        {
+            stage.resident = Resident::new(&stage, device);
+        }
         stage
     }
 
@@ -151,9 +195,11 @@ impl GeometryStage {
         let levels = coarse.into_iter().chain([params(weights)]).collect();
         let cameras: Vec<Camera> = photos.iter().map(|photo| photo.camera).collect();
         let visible = field.visible(|point| seen_by_any(&cameras, point));
-        Self {
+        let stage = Self {
             levels,
             grids: field.grids(FIRST_DENSITY, Some(&visible)),
+            #[cfg(feature = "gpu")]
+            resident: None,
             visible,
             config: config.geometry.clone(),
             photos: crate::rays::photo_rays(photos.iter().copied()),
@@ -161,7 +207,13 @@ impl GeometryStage {
             field,
             rng,
             step: 0,
-        }
+        };
+        #[cfg(feature = "gpu")]
+        let stage = Self {
+            resident: Resident::new(&stage, device),
+            ..stage
+        };
+        stage
     }
 
     /// The field's sizes.
@@ -178,12 +230,26 @@ impl GeometryStage {
         };
         let coarse = levels.next().map(|level| level.weights(AdamParam::value));
         weights.coarse = coarse.map(Box::new);
-        (weights, self.grids.clone(), app)
+        (weights, self.current_grids(), app)
+    }
+
+    fn current_grids(&self) -> Grids {
+        #[cfg(feature = "gpu")]
+        let found = self.resident.as_ref().and_then(|r| r.training.grids());
+        #[cfg(not(feature = "gpu"))]
+        let found = None;
+        found.unwrap_or_else(|| self.grids.clone())
     }
 
     /// One optimiser step.
     pub fn step(&mut self, clock: &Clock) -> StepReport {
         let progress = clock.progress() as f32;
+        #[cfg(feature = "gpu")]
+        if let Some(mut resident) = self.resident.take() {
+            let report = self.resident_step(&mut resident, progress);
+            self.resident = Some(resident);
+            return report;
+        }
         if self.guided() && self.step.is_multiple_of(self.config.grid_every) {
             let weights = self.levels[0].weights(AdamParam::value);
             self.field.update_grids(
@@ -194,20 +260,8 @@ impl GeometryStage {
                 &mut self.rng,
             );
         }
-        let [fewest, most] = self.config.rays;
-        let per_ray = self.field.config.samples().max(1);
-        let rays = (self.config.samples / per_ray).clamp(fewest, most);
-        let known = if self.surfaces.is_empty() {
-            0
-        } else {
-            (rays as f32 * self.config.surface_share) as usize
-        };
-        let targets = draw(
-            &self.photos,
-            &self.surfaces,
-            (rays - known, known),
-            &mut self.rng,
-        );
+        let targets = self.drawn(self.config.samples);
+        let rays = targets.rays.len();
         let seed = self.rng.random();
         let mut samples = self.field.sample(&targets.rays, &self.grids, Some(seed));
         let mut loss = 0.0;
@@ -229,6 +283,56 @@ impl GeometryStage {
         }
         self.step += 1;
         StepReport { loss, rays }
+    }
+
+    /// Rays for about so many samples, some of them to known surfaces.
+    fn drawn(&mut self, samples: usize) -> Targets {
+        let [fewest, most] = self.config.rays;
+        let per_ray = self.field.config.samples().max(1);
+        let rays = (samples / per_ray).clamp(fewest, most);
+        let known = if self.surfaces.is_empty() {
+            0
+        } else {
+            (rays as f32 * self.config.surface_share) as usize
+        };
+        let counts = (rays - known, known);
+        draw(&self.photos, &self.surfaces, counts, &mut self.rng)
+    }
+
+    /// [`Self::step`] of which nothing comes back from the device, but now and then the loss.
+    #[cfg(feature = "gpu")]
+    fn resident_step(&mut self, resident: &mut Resident, progress: f32) -> StepReport {
+        if self.step.is_multiple_of(self.config.grid_every) {
+            let weights = self.levels[0].weights(AdamParam::value);
+            let seed = self.rng.random();
+            resident.training.update_grids(&weights, GRID_SHARES, seed);
+        }
+        let targets = self.drawn(self.config.samples * GPU_RAYS);
+        let rays = targets.rays.len();
+        let wanted = self.wanted(&targets, 0..rays, progress);
+        let (weights, app) = self.levels[0].leaves(AdamParam::value);
+        let seed = self.rng.random();
+        let lit = (&targets.rays, &targets.distances[..]);
+        let descent = resident
+            .training
+            .descend((&weights, &app), lit, wanted, seed);
+        // Adam works in place only on what nobody else holds.
+        drop((weights, app));
+        let [inner, outer] = descent.gradients.map(Volume::into_array);
+        let ([table, base, geo, app], [far_table, far_base, far_geo, far_app]) = (inner, outer);
+        let near = [table, base, geo].into_iter();
+        let gradients = near.chain([far_table, far_base, far_geo, app, far_app]);
+        self.descend_along(0, gradients.map(Some), progress);
+        if self.step.is_multiple_of(READ_EVERY)
+            && let [_, error] = host(descent.loss)[..]
+        {
+            resident.loss = f64::from(error);
+        }
+        self.step += 1;
+        StepReport {
+            loss: resident.loss,
+            rays,
+        }
     }
 
     /// Whether density grids say where samples are.
@@ -265,6 +369,17 @@ impl GeometryStage {
         }
         // Adam works in place only on what nobody else holds.
         drop((weights, app));
+        self.descend_along(level, gradients.into_iter(), progress);
+        found
+    }
+
+    /// Adam's step of one level along gradients in the order of [`Params::all_mut`].
+    fn descend_along(
+        &mut self,
+        level: usize,
+        gradients: impl Iterator<Item = Option<Tensor<1>>>,
+        progress: f32,
+    ) {
         let fade = self.config.final_rate.powf(progress);
         for ((param, table), grad) in self.levels[level].all_mut().zip(gradients) {
             let rate = match table {
@@ -276,7 +391,6 @@ impl GeometryStage {
                 param.step(grad, rate * fade, table);
             }
         }
-        found
     }
 
     /// What some of a step's rays should look like.

@@ -9,7 +9,7 @@ use burn::tensor::Device;
 use image::RgbImage;
 use impasto_field::render::host;
 use impasto_field::{
-    Appearance, AppearanceConfig, Field, Geometry, RayBatch, prepare_rays, render_rays,
+    Appearance, AppearanceConfig, Field, Paintable, RayBatch, prepare_rays, render_rays,
 };
 use impasto_kernels::CompositeLayout;
 use impasto_scene::{Camera, Split};
@@ -24,7 +24,7 @@ pub struct Model {
     device: Device,
     encoder: std::sync::OnceLock<Encoder>,
     /// Rays through the training views, on which looks are measured.
-    sample: std::sync::OnceLock<Option<Geometry>>,
+    sample: std::sync::OnceLock<Option<Paintable>>,
 }
 
 struct Encoder {
@@ -187,7 +187,7 @@ impl Model {
     }
 
     /// Geometry of a grid of rays through the training views; `None` if there are none.
-    fn sample(&self, config: &AppearanceConfig) -> Option<Geometry> {
+    fn sample(&self, config: &AppearanceConfig) -> Option<Paintable> {
         let photos = &self.file.scene.photos;
         let cameras: Vec<_> = photos.iter().filter(|p| p.split == Split::Train).collect();
         let mut rays = RayBatch::default();

@@ -156,8 +156,8 @@ impl ModelFile {
 
     fn entries(&self) -> Result<Vec<Entry>, StyleError> {
         let mut entries = vec![
-            levels("inner.grid", &self.grids.inner),
-            levels("outer.grid", &self.grids.outer),
+            levels("inner.grid", self.grids.inner()),
+            levels("outer.grid", self.grids.outer()),
         ];
         entries.extend(level_entries("", &self.weights));
         if let Some(coarse) = &self.weights.coarse {
@@ -361,10 +361,7 @@ impl Reader<'_> {
             )
         };
         Ok(ModelFile {
-            grids: Grids {
-                inner: self.grid("inner.grid")?,
-                outer: self.grid("outer.grid")?,
-            },
+            grids: Grids::new(self.grid("inner.grid")?, self.grid("outer.grid")?),
             photo_app: Appearance {
                 config: config.photo_app.clone(),
                 inner: photo_app(0)?,

@@ -1,16 +1,16 @@
 //! The colours that a look gives a patch, and the way from a loss of them back to the look.
 
 use burn::tensor::{Gradients, Tensor};
-use impasto_field::{Appearance, Canvas, Geometry};
+use impasto_field::{Appearance, Canvas, Paintable};
 
 /// A loss of rays that may be more than one graph holds.
 ///
-/// `loss` gets the colours of all rays, `[rays, 6]` as [`Geometry::composite`] gives them, and
-/// returns one number; `parts` are the rays' geometry in order. The result has the loss's value
+/// `loss` gets the colours of all rays, `[rays, 6]` as [`Paintable::composite`] gives them, and
+/// returns one number; `parts` are the rays in order. The result has the loss's value
 /// and gradients. Of several parts, each goes through a graph of its own, twice: for its colours,
 /// then for what their gradient says of the look, so that the graph of one part is enough.
 pub fn loss_of(
-    parts: &[Geometry],
+    parts: &[Paintable],
     look: &Appearance,
     loss: impl FnOnce(Tensor<2>) -> Tensor<1>,
 ) -> Tensor<1> {
@@ -34,7 +34,7 @@ pub fn loss_of(
     let mut start = 0;
     for (part, colours) in parts.iter().zip(&colours) {
         let own = mapped(look, |weights| weights.detach().require_grad());
-        let rays = part.layout().rays.len();
+        let rays = part.rays();
         let wanted = wanted.clone().slice_dim(0, start..start + rays);
         start += rays;
         let pixels = part.composite_colours(part.colours(&own, Some(colours)));
@@ -99,7 +99,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     /// Value and gradients of a loss that mixes all rays.
-    fn value_and_gradients(parts: &[Geometry], look: &Appearance) -> Vec<Vec<f32>> {
+    fn value_and_gradients(parts: &[Paintable], look: &Appearance) -> Vec<Vec<f32>> {
         let own = mapped(look, |weights| Tensor::from_inner(weights).require_grad());
         let loss = loss_of(parts, &own, |colours| {
             let mean = colours.clone().mean();
@@ -147,7 +147,7 @@ mod tests {
             level
                 .into_iter()
                 .flatten()
-                .map(Geometry::lifted)
+                .map(Paintable::lifted)
                 .collect::<Vec<_>>()
         };
         let whole = value_and_gradients(&parts(300), &look);

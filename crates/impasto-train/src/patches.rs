@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use impasto_field::encoding::matrix;
 use impasto_field::render::host;
 use impasto_field::{
-    Appearance, AppearanceConfig, Field, FieldWeights, Geometry, Grids, RayBatch, prepare_rays,
+    Appearance, AppearanceConfig, Field, FieldWeights, Grids, Paintable, RayBatch, prepare_rays,
 };
 use impasto_style::{Features, PatchSampler, Perceptual, Statistics, StyleError};
 use rand::RngExt;
@@ -30,7 +30,7 @@ pub struct Frozen {
 pub struct FrozenPatch {
     /// Samples with features and densities, constants of an autodiff graph: of the first field of
     /// a cascade, where there is one, then of the field. Each in parts, ray after ray.
-    pub levels: Vec<Vec<Geometry>>,
+    pub levels: Vec<Vec<Paintable>>,
     /// What the perceptual network says of the unstylised patch.
     pub features: Features,
     /// The unstylised patch, row-major.
@@ -41,7 +41,7 @@ impl FrozenPatch {
     /// Number of rays.
     pub fn rays(&self) -> usize {
         let field = self.levels.last().into_iter().flatten();
-        field.map(|part| part.layout().rays.len()).sum()
+        field.map(Paintable::rays).sum()
     }
 }
 
@@ -250,8 +250,8 @@ impl PatchPool {
 }
 
 /// The same as constants of an autodiff graph.
-fn lifted(levels: Vec<Vec<Geometry>>) -> Vec<Vec<Geometry>> {
-    let turns = |level: Vec<Geometry>| level.into_iter().map(Geometry::lifted).collect();
+fn lifted(levels: Vec<Vec<Paintable>>) -> Vec<Vec<Paintable>> {
+    let turns = |level: Vec<Paintable>| level.into_iter().map(Paintable::lifted).collect();
     levels.into_iter().map(turns).collect()
 }
 

@@ -320,7 +320,8 @@ fn samples(golden: &Golden) -> Samples {
 
 fn colours(field: &Field, golden: &Golden, weights: &FieldWeights, app: &Appearance) -> Tensor<2> {
     let geometry = field.geometry(weights, samples(golden));
-    geometry.composite(app).slice_dim(1, 0..3)
+    let paintable = geometry.paintable(&app.config);
+    paintable.composite(app).slice_dim(1, 0..3)
 }
 
 #[test]

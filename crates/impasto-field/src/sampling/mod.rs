@@ -263,7 +263,7 @@ pub fn contracted_distance(distance: f32) -> f32 {
 
 /// A cheap, well-mixed random number in `[0, 1)` for a seed and a ray.
 #[inline(always)]
-fn jitter(seed: u64, ray: usize) -> f32 {
+pub(crate) fn jitter(seed: u64, ray: usize) -> f32 {
     let mut x = seed ^ (ray as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -9,6 +9,11 @@ use std::ops::Range;
 /// Kept under every factor of the transmittance, as in NeRF++.
 pub(crate) const TRANSMITTANCE_EPS: f32 = 1e-6;
 
+/// Share of a ray's light under which a volume's samples are left out where samples are merged.
+pub const LEAST_SHARE: f32 = 2e-3;
+/// Optical depth of a merged sample that lets nothing through, in single precision.
+pub const OPAQUE: f32 = 20.0;
+
 /// Which samples belong to one ray. Both ranges index the sample arrays; `outer` continues behind
 /// `inner`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -6,15 +6,15 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Density of level 1; anything thinner is level 0, nothing.
-const THINNEST: f32 = 1e-2;
+pub(crate) const THINNEST: f32 = 1e-2;
 /// ln of the ratio of two neighbouring levels' densities: 255 levels reach 1e5.
-const RATIO: f32 = 0.0635;
+pub(crate) const RATIO: f32 = 0.0635;
 /// Beyond this, opacities are no longer told apart.
-const MOST_OPACITY: f32 = 1.0 - 1e-6;
+pub(crate) const MOST_OPACITY: f32 = 1.0 - 1e-6;
 /// Cells of one task.
 const CHUNK: usize = 1 << 16;
 /// How far one look moves what is remembered of a cell: looks go to random places of it.
-const RATE: f32 = 0.15;
+pub(crate) const RATE: f32 = 0.15;
 
 /// Remembered densities of a cubic grid, logarithmic, one byte a cell.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +49,15 @@ impl DensityGrid {
     /// One level per cell, x fastest.
     pub fn levels(&self) -> &[u8] {
         &self.levels
+    }
+
+    /// Mean opacity of each cell's width, of what was observed or else of what the levels say.
+    pub fn opacities(&self) -> Vec<f32> {
+        if self.opacity.is_empty() {
+            let opacity = |level: &u8| opacity(Self::density_of(*level), self.resolution);
+            return self.levels.iter().map(opacity).collect();
+        }
+        self.opacity.clone()
     }
 
     /// Cells along an axis.
@@ -138,8 +147,7 @@ impl DensityGrid {
     pub fn observe(&mut self, point: [f32; 3], density: f32) {
         if let Some(cell) = self.cell(point) {
             if self.opacity.is_empty() {
-                let opacity = |level: &u8| opacity(Self::density_of(*level), self.resolution);
-                self.opacity = self.levels.iter().map(opacity).collect();
+                self.opacity = self.opacities();
             }
             let seen = opacity(density, self.resolution);
             // What cannot be measured counts as opaque, so that it is not skipped.
@@ -226,7 +234,7 @@ impl WithSimd for Settle<'_> {
 }
 
 /// Opacity of one cell's width; NaN stays NaN.
-fn opacity(density: f32, resolution: usize) -> f32 {
+pub(crate) fn opacity(density: f32, resolution: usize) -> f32 {
     let density = if density < 0.0 { 0.0 } else { density };
     1.0 - exp(-density / resolution as f32)
 }

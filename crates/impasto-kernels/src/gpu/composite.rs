@@ -2,32 +2,78 @@
 
 use super::launch::{Uploaded, argument, cube, cubes_for, empty, zeros};
 use crate::CompositeLayout;
+use burn_cubecl::CubeDevice;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// Kept under every factor of the transmittance, as in NeRF++.
 const TRANSMITTANCE_EPS: f32 = crate::cpu::composite::TRANSMITTANCE_EPS;
 
 /// A layout on the device: where each ray's samples are, then their steps.
-struct Layout {
+#[derive(Clone)]
+pub(crate) struct Layout {
     /// Start and end of the inner, then of the outer samples of each ray.
-    spans: Uploaded,
-    /// All step lengths, all depths, all distances.
-    steps: Uploaded,
+    pub(crate) spans: Uploaded,
+    /// All step lengths, all depths, all distances, and whatever else there is.
+    pub(crate) steps: Uploaded,
+    pub(crate) rays: usize,
+    pub(crate) samples: usize,
+    /// Which of `steps` are the depths.
+    pub(crate) depths: u32,
 }
 
+/// What was uploaded of layouts that still exist, with the device that it is on: a patch is painted
+/// many times, forward and backward.
+static KNOWN: Mutex<Vec<(Weak<CompositeLayout>, CubeDevice, Layout)>> = Mutex::new(Vec::new());
+
 impl Layout {
+    pub(crate) fn of(like: &CubeTensor, layout: &Arc<CompositeLayout>) -> Self {
+        let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = Arc::downgrade(layout);
+        let found = known
+            .iter()
+            .find(|(other, device, _)| other.ptr_eq(&own) && *device == like.device);
+        if let Some((_, _, found)) = found {
+            return found.clone();
+        }
+        known.retain(|(other, ..)| other.strong_count() > 0);
+        let made = Self::new(like, layout);
+        known.push((own, like.device.clone(), made.clone()));
+        made
+    }
+
     fn new(like: &CubeTensor, layout: &CompositeLayout) -> Self {
         let spans = layout
             .rays
             .iter()
             .flat_map(|ray| [&ray.inner, &ray.outer].map(|r| [r.start as u32, r.end as u32]));
         let spans: Vec<u32> = spans.flatten().collect();
+        let samples = layout.deltas.len();
+        layout.check(samples, samples, 1);
+        let ends = spans.iter().max().copied().unwrap_or(0);
+        assert!(ends as usize <= samples, "spans of a composite");
         let steps = [&layout.deltas[..], &layout.depths, &layout.distances].concat();
         Self {
             spans: Uploaded::u32(like, &spans),
             steps: Uploaded::f32(like, &steps),
+            rays: layout.rays.len(),
+            samples,
+            depths: 1,
         }
+    }
+
+    /// # Panics
+    /// If there are not as many densities and colours as samples.
+    fn check(&self, sigma: &CubeTensor, colours: &CubeTensor) {
+        let channels = colours.meta.shape()[1];
+        assert_eq!(
+            sigma.meta.num_elements(),
+            self.samples,
+            "densities of a composite"
+        );
+        let found = colours.meta.num_elements();
+        assert_eq!(found, self.samples * channels, "colours of a composite");
     }
 }
 
@@ -40,11 +86,13 @@ fn forward_kernel(
     out: &mut [f32],
     rays: u32,
     samples: u32,
+    depths: u32,
     #[comptime] channels: usize,
 ) {
     let ray = ABSOLUTE_POS;
     if ray < rays as usize {
         let samples = samples as usize;
+        let depths = depths as usize * samples;
         let at = ray * (channels + 3);
         let mut sums = Array::<f32>::new(channels);
         #[unroll]
@@ -68,7 +116,7 @@ fn forward_kernel(
                     sums[c] += weight * colours[i * channels + c];
                 }
                 let s = steps[2 * samples + i];
-                depth += weight * steps[samples + i];
+                depth += weight * steps[depths + i];
                 // Σ_ij w_i w_j |s_i − s_j| for sorted s, accumulated in one pass.
                 distortion += 2.0 * weight * (s * mass - moment);
                 mass += weight;
@@ -86,32 +134,32 @@ fn forward_kernel(
 }
 
 /// See [`crate::cpu::composite::forward`].
-pub(crate) fn forward(
-    layout: &CompositeLayout,
-    sigma: &CubeTensor,
-    colours: &CubeTensor,
-) -> CubeTensor {
-    let (rays, channels) = (layout.rays.len(), colours.meta.shape()[1]);
-    let out = [rays, CompositeLayout::outputs(channels)];
-    if sigma.meta.num_elements() == 0 || rays == 0 {
+///
+/// # Panics
+/// If there are not as many densities and colours as samples.
+pub(crate) fn forward(layout: &Layout, sigma: &CubeTensor, colours: &CubeTensor) -> CubeTensor {
+    layout.check(sigma, colours);
+    let channels = colours.meta.shape()[1];
+    let out = [layout.rays, CompositeLayout::outputs(channels)];
+    if layout.samples == 0 || layout.rays == 0 {
         return zeros(sigma, out);
     }
     let out = empty(sigma, out);
-    let device = Layout::new(sigma, layout);
-    // SAFETY: units write their own ray; a layout's spans lie inside its samples, of which
-    // `checked` has seen that there are as many as densities and colours.
+    // SAFETY: units write their own ray; a layout's spans lie inside its samples, of which there
+    // are as many as densities and colours.
     unsafe {
         forward_kernel::launch_unchecked(
             &sigma.client,
-            cubes_for(rays),
+            cubes_for(layout.rays),
             cube(),
             argument(sigma),
             argument(colours),
-            device.spans.argument(),
-            device.steps.argument(),
+            layout.spans.argument(),
+            layout.steps.argument(),
             argument(&out),
-            rays as u32,
-            checked(layout, sigma, colours),
+            layout.rays as u32,
+            layout.samples as u32,
+            layout.depths,
             channels,
         );
     }
@@ -162,11 +210,13 @@ fn backward_kernel(
     colour_grad: &mut [f32],
     rays: u32,
     samples: u32,
+    depths: u32,
     #[comptime] channels: usize,
 ) {
     let ray = ABSOLUTE_POS;
     if ray < rays as usize {
         let samples = samples as usize;
+        let depths = depths as usize * samples;
         let at = ray * (channels + 3);
         // What reaches a sample stands in its gradient's place until the way back has used it.
         let (mass, moment) = sweep(sigma, spans, steps, sigma_grad, ray, samples);
@@ -193,7 +243,7 @@ fn backward_kernel(
                 let moment_after = moment - moment_before - weight * s;
                 let spread = s * mass_before - moment_before + moment_after - s * mass_after;
                 let mut weight_grad =
-                    by_mass + by_depth * steps[samples + i] + 2.0 * by_distortion * spread;
+                    by_mass + by_depth * steps[depths + i] + 2.0 * by_distortion * spread;
                 #[unroll]
                 for c in 0..channels {
                     let by_colour = grad[at + c];
@@ -210,51 +260,41 @@ fn backward_kernel(
     }
 }
 
-/// See [`crate::cpu::composite::backward`].
+/// See [`crate::cpu::composite::backward`]. Samples must not belong to two rays: they would get the
+/// gradient of one of them, by chance.
+///
+/// # Panics
+/// If there are not as many densities and colours as samples.
 pub(crate) fn backward(
-    layout: &CompositeLayout,
+    layout: &Layout,
     sigma: &CubeTensor,
     colours: &CubeTensor,
     grad: &CubeTensor,
 ) -> (CubeTensor, CubeTensor) {
+    layout.check(sigma, colours);
     let channels = colours.meta.shape()[1];
-    let samples = checked(layout, sigma, colours);
-    // A sample of two rays would get the gradient of one of them, by chance.
-    layout.in_order();
-    let sigma_grad = zeros(sigma, [samples as usize]);
-    let colour_grad = zeros(sigma, [samples as usize, channels]);
-    if samples > 0 && !layout.rays.is_empty() {
-        let device = Layout::new(sigma, layout);
+    let sigma_grad = zeros(sigma, [layout.samples]);
+    let colour_grad = zeros(sigma, [layout.samples, channels]);
+    if layout.samples > 0 && layout.rays > 0 {
         // SAFETY: as of `forward`.
         unsafe {
             backward_kernel::launch_unchecked(
                 &sigma.client,
-                cubes_for(layout.rays.len()),
+                cubes_for(layout.rays),
                 cube(),
                 argument(sigma),
                 argument(colours),
-                device.spans.argument(),
-                device.steps.argument(),
+                layout.spans.argument(),
+                layout.steps.argument(),
                 argument(grad),
                 argument(&sigma_grad),
                 argument(&colour_grad),
-                layout.rays.len() as u32,
-                samples,
+                layout.rays as u32,
+                layout.samples as u32,
+                layout.depths,
                 channels,
             );
         }
     }
     (sigma_grad, colour_grad)
-}
-
-/// Number of samples.
-fn checked(layout: &CompositeLayout, sigma: &CubeTensor, colours: &CubeTensor) -> u32 {
-    let n = sigma.meta.num_elements();
-    layout.check(n, colours.meta.num_elements(), colours.meta.shape()[1]);
-    let ends = layout
-        .rays
-        .iter()
-        .map(|ray| ray.inner.end.max(ray.outer.end));
-    assert!(ends.max().unwrap_or(0) <= n, "spans of a composite");
-    n as u32
 }

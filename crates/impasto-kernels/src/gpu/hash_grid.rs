@@ -1,7 +1,7 @@
 //! Hash-grid encoding: one unit a point and level, levels behind each other so that units that run
 //! together read one level's table.
 
-use super::launch::{UNITS, argument, cube, empty, is_finite, zeros};
+use super::launch::{Rows, UNITS, argument, cube, empty, extent, is_finite, zeros};
 use crate::HashGridSpec;
 use burn_cubecl::cubecl::features::AtomicUsage;
 use burn_cubecl::cubecl::ir::{ElemType, FloatKind, Type};
@@ -114,13 +114,17 @@ fn encode_kernel<N: Size>(
     points: &[f32],
     table: &[Vector<f32, N>],
     out: &mut [Vector<f32, N>],
-    rows: u32,
+    bounds: &[u32],
+    bound: u32,
+    most: u32,
+    #[comptime] bounded: bool,
     #[comptime] shape: Shape,
     #[comptime] vectors: usize,
 ) {
     let row = (CUBE_POS_X * CUBE_DIM_X + UNIT_POS_X) as usize;
     let level = CUBE_POS_Y as usize;
-    if row < rows as usize {
+    let (start, end) = extent(bounds, bound, most, bounded);
+    if row >= start && row < end {
         let at = (row * comptime!(shape.levels.len()) + level) * vectors;
         if counts(points, row) {
             let cell = cell(points, row, level, &shape);
@@ -149,27 +153,42 @@ fn encode_kernel<N: Size>(
 pub(crate) fn encode(points: &CubeTensor, table: &CubeTensor, spec: &HashGridSpec) -> CubeTensor {
     let rows = points.meta.shape()[0];
     let out = empty(points, [rows, spec.outputs()]);
+    encode_into(points, table, spec, Rows::all(rows), &out);
+    out
+}
+
+/// The same for some rows of `points`, to the same rows of `out`; others stay as they are.
+pub(crate) fn encode_into(
+    points: &CubeTensor,
+    table: &CubeTensor,
+    spec: &HashGridSpec,
+    rows: Rows<'_>,
+    out: &CubeTensor,
+) {
     let shape = Shape::of(spec);
-    if rows > 0 {
+    if rows.most() > 0 {
+        let (bounds, bound, most) = rows.arguments(points);
         let vector = spec.features.min(4);
         // SAFETY: units look at their own row only, and entries are taken modulo the table's
         // length.
         unsafe {
             encode_kernel::launch_unchecked(
                 &points.client,
-                cubes(rows, spec.levels),
+                cubes(rows.most(), spec.levels),
                 cube(),
                 vector,
                 argument(points),
                 argument(table),
-                argument(&out),
-                rows as u32,
+                argument(out),
+                bounds,
+                bound,
+                most,
+                rows.bounded(),
                 shape,
                 spec.features / vector,
             );
         }
     }
-    out
 }
 
 /// One unit a row, levels along the second axis.
@@ -223,13 +242,17 @@ fn spread_kernel<A: Adds>(
     points: &[f32],
     grad: &[f32],
     table: &[Atomic<A::Held>],
-    rows: u32,
+    bounds: &[u32],
+    bound: u32,
+    most: u32,
+    #[comptime] bounded: bool,
     #[comptime] shape: Shape,
 ) {
     let row = (CUBE_POS_X * CUBE_DIM_X + UNIT_POS_X) as usize;
     let level = CUBE_POS_Y as usize;
+    let (start, end) = extent(bounds, bound, most, bounded);
     // Adding zero times what is no number would spoil entries of other points.
-    if row < rows as usize && counts(points, row) {
+    if row >= start && row < end && counts(points, row) {
         let cell = cell(points, row, level, &shape);
         let (entries, features) = comptime!((shape.entries, shape.features));
         let from = (row * comptime!(shape.levels.len()) + level) * features;
@@ -250,29 +273,47 @@ fn spread_kernel<A: Adds>(
 /// See [`crate::cpu::hash_grid::backward`]; the order of sums, and so their last bits, may differ
 /// from run to run.
 pub(crate) fn spread(points: &CubeTensor, grad: &CubeTensor, spec: &HashGridSpec) -> CubeTensor {
+    spread_rows(points, grad, spec, Rows::all(points.meta.shape()[0]))
+}
+
+/// The same for some rows.
+pub(crate) fn spread_rows(
+    points: &CubeTensor,
+    grad: &CubeTensor,
+    spec: &HashGridSpec,
+    rows: Rows<'_>,
+) -> CubeTensor {
     let float = Type::atomic(ElemType::Float(FloatKind::F32));
     let usage = points.client.properties().atomic_type_usage(float);
     if usage.contains(AtomicUsage::Add) {
-        spread_by::<Native>(points, grad, spec)
+        spread_by::<Native>(points, grad, spec, rows)
     } else {
-        spread_by::<Exchanged>(points, grad, spec)
+        spread_by::<Exchanged>(points, grad, spec, rows)
     }
 }
 
-fn spread_by<A: Adds>(points: &CubeTensor, grad: &CubeTensor, spec: &HashGridSpec) -> CubeTensor {
-    let rows = points.meta.shape()[0];
+fn spread_by<A: Adds>(
+    points: &CubeTensor,
+    grad: &CubeTensor,
+    spec: &HashGridSpec,
+    rows: Rows<'_>,
+) -> CubeTensor {
     let table = zeros(points, [spec.params()]);
-    if rows > 0 {
+    if rows.most() > 0 {
+        let (bounds, bound, most) = rows.arguments(points);
         // SAFETY: as of `encode`.
         unsafe {
             spread_kernel::launch_unchecked::<A>(
                 &points.client,
-                cubes(rows, spec.levels),
+                cubes(rows.most(), spec.levels),
                 cube(),
                 argument(points),
                 argument(grad),
                 argument(&table),
-                rows as u32,
+                bounds,
+                bound,
+                most,
+                rows.bounded(),
                 Shape::of(spec),
             );
         }

@@ -32,6 +32,18 @@ pub(crate) fn zeros(like: &CubeTensor, shape: impl Into<Shape>) -> CubeTensor {
     zeros_client(client, device, shape.into(), DType::F32)
 }
 
+/// Uninitialised integers on the device of another tensor.
+pub(crate) fn empty_u32(like: &CubeTensor, length: usize) -> CubeTensor {
+    let (client, device) = (like.client.clone(), like.device.clone());
+    empty_device_contiguous_dtype(client, device, [length].into(), DType::U32)
+}
+
+/// Zero as integers.
+pub(crate) fn zeros_u32(like: &CubeTensor, length: usize) -> CubeTensor {
+    let (client, device) = (like.client.clone(), like.device.clone());
+    zeros_client(client, device, [length].into(), DType::U32)
+}
+
 /// Numbers on the device of another tensor.
 pub(crate) fn from_slice(
     like: &CubeTensor,
@@ -39,6 +51,13 @@ pub(crate) fn from_slice(
     shape: impl Into<Shape>,
 ) -> CubeTensor {
     CubeBackend::float_from_data(TensorData::new(numbers, shape.into()), &like.device)
+}
+
+/// Integers on the device of another tensor.
+pub(crate) fn from_u32(like: &CubeTensor, numbers: &[u32]) -> CubeTensor {
+    let handle = like.client.create_from_slice(u32::as_bytes(numbers));
+    let (client, device) = (like.client.clone(), like.device.clone());
+    CubeTensor::new_contiguous(client, device, [numbers.len()].into(), handle, DType::U32)
 }
 
 /// A tensor's numbers in a buffer of their own.
@@ -52,6 +71,7 @@ pub(crate) fn argument(tensor: &CubeTensor) -> BufferArg {
 }
 
 /// Constants of a launch, on the device.
+#[derive(Clone)]
 pub(crate) struct Uploaded {
     handle: Handle,
     length: usize,
@@ -74,11 +94,80 @@ impl Uploaded {
         }
     }
 
+    /// What a kernel has found.
+    pub(crate) fn of(tensor: &CubeTensor) -> Self {
+        Self {
+            handle: tensor.handle.clone(),
+            length: tensor.meta.num_elements(),
+        }
+    }
+
     /// As a kernel's argument.
     pub(crate) fn argument(&self) -> BufferArg {
         // SAFETY: the buffer was made with this length.
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
     }
+}
+
+/// Which rows of its buffers a launch is about.
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    most: usize,
+    bounds: Option<(&'a CubeTensor, u32)>,
+}
+
+impl<'a> Rows<'a> {
+    /// All of so many.
+    pub(crate) fn all(rows: usize) -> Self {
+        Self {
+            most: rows,
+            bounds: None,
+        }
+    }
+
+    /// Those from number `first` of `bounds` to the next, integers that only the device knows, out
+    /// of `most` for which there is room.
+    pub(crate) fn between(bounds: &'a CubeTensor, first: u32, most: usize) -> Self {
+        Self {
+            most,
+            bounds: Some((bounds, first)),
+        }
+    }
+
+    /// Rows that there is room for.
+    pub(crate) fn most(&self) -> usize {
+        self.most
+    }
+
+    /// What [`extent`] asks for: the buffer, the place in it and the room.
+    pub(crate) fn arguments(&self, like: &CubeTensor) -> (BufferArg, u32, u32) {
+        match self.bounds {
+            Some((bounds, first)) => (argument(bounds), first, self.most as u32),
+            None => (argument(&empty(like, [1])), 0, self.most as u32),
+        }
+    }
+
+    /// Whether the device has to look them up.
+    pub(crate) fn bounded(&self) -> bool {
+        self.bounds.is_some()
+    }
+}
+
+/// First row of a launch, and the one behind its last.
+#[cube]
+pub(crate) fn extent(
+    bounds: &[u32],
+    first: u32,
+    rows: u32,
+    #[comptime] bounded: bool,
+) -> (usize, usize) {
+    let mut start = 0usize;
+    let mut end = rows as usize;
+    if bounded {
+        end = bounds[first as usize + 1].min(rows) as usize;
+        start = (bounds[first as usize] as usize).min(end);
+    }
+    (start, end)
 }
 
 /// Cubes of [`UNITS`] for so many units in a row, folded into two axes where one does not hold

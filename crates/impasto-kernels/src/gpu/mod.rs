@@ -6,8 +6,11 @@
 
 pub(crate) mod adam;
 pub(crate) mod composite;
+pub(crate) mod density_grid;
 pub(crate) mod hash_grid;
 pub(crate) mod launch;
+pub(crate) mod march;
+pub(crate) mod merge;
 pub(crate) mod mlp;
 pub(crate) mod perceptual;
 pub(crate) mod plain_mlp;

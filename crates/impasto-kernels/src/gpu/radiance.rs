@@ -1,6 +1,7 @@
 //! From encoded samples to a photometric loss and back, out of the other kernels.
 
-use super::launch::{Uploaded, argument, cube, cubes_for, empty, whole};
+use super::composite::Layout;
+use super::launch::{Rows, Uploaded, argument, cube, cubes_for, empty, extent, whole};
 use super::{composite, mlp};
 use crate::cpu::radiance::LIMIT;
 use crate::{Density, RadianceSpec, Volume, VolumeSpec};
@@ -11,9 +12,18 @@ use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
 
 #[cube(launch_unchecked)]
-fn density_kernel(raw: &[f32], out: &mut [f32], count: u32, #[comptime] density: Density) {
+fn density_kernel(
+    raw: &[f32],
+    out: &mut [f32],
+    bounds: &[u32],
+    bound: u32,
+    most: u32,
+    #[comptime] bounded: bool,
+    #[comptime] density: Density,
+) {
     let i = ABSOLUTE_POS;
-    if i < count as usize {
+    let (start, end) = extent(bounds, bound, most, bounded);
+    if i >= start && i < end {
         let x = raw[i];
         out[i] = match comptime!(density) {
             Density::Exp => f32::exp(x.clamp(-LIMIT, LIMIT)),
@@ -28,11 +38,15 @@ fn slope_kernel(
     raw: &[f32],
     grad: &[f32],
     out: &mut [f32],
-    count: u32,
+    bounds: &[u32],
+    bound: u32,
+    most: u32,
+    #[comptime] bounded: bool,
     #[comptime] density: Density,
 ) {
     let i = ABSOLUTE_POS;
-    if i < count as usize {
+    let (start, end) = extent(bounds, bound, most, bounded);
+    if i >= start && i < end {
         let x = raw[i];
         let slope = match comptime!(density) {
             Density::Exp => select(f32::abs(x) <= LIMIT, f32::exp(x), 0.0f32),
@@ -42,20 +56,25 @@ fn slope_kernel(
     }
 }
 
-/// Puts the view of its ray behind the features of every sample, one unit a ray.
+/// Puts the view of its ray behind the features of every sample of a volume, whose rows begin behind
+/// `before` samples, one unit a ray.
 #[cube(launch_unchecked)]
 fn views_kernel(
     features: &[f32],
     views: &[f32],
-    starts: &[u32],
+    spans: &[u32],
     out: &mut [f32],
     rays: u32,
+    volume: u32,
+    before: u32,
     #[comptime] width: usize,
     #[comptime] view: usize,
 ) {
     let ray = ABSOLUTE_POS;
     if ray < rays as usize {
-        for sample in starts[ray] as usize..starts[ray + 1] as usize {
+        let span = 4 * ray + 2 * volume as usize;
+        for index in spans[span] as usize..spans[span + 1] as usize {
+            let sample = index - before as usize;
             let at = sample * comptime!(width + view);
             for c in 0..width {
                 out[at + c] = features[sample * width + c];
@@ -99,6 +118,92 @@ fn loss_kernel(
     }
 }
 
+/// Densities of some rows of what `geo` says.
+pub(crate) fn densities(raw: &CubeTensor, density: Density, rows: Rows<'_>, out: &CubeTensor) {
+    if rows.most() == 0 {
+        return;
+    }
+    let (bounds, bound, most) = rows.arguments(raw);
+    // SAFETY: units look at their own sample.
+    unsafe {
+        density_kernel::launch_unchecked(
+            &raw.client,
+            cubes_for(rows.most()),
+            cube(),
+            argument(raw),
+            argument(out),
+            bounds,
+            bound,
+            most,
+            rows.bounded(),
+            density,
+        );
+    }
+}
+
+/// The gradient of some rows of what `geo` says, by that of densities, in the same places of a new
+/// tensor.
+pub(crate) fn densities_back(
+    (raw, density): (&CubeTensor, Density),
+    grad: &CubeTensor,
+    rows: Rows<'_>,
+) -> CubeTensor {
+    let out = empty(grad, [rows.most(), 1]);
+    if rows.most() > 0 {
+        let (bounds, bound, most) = rows.arguments(raw);
+        // SAFETY: units look at their own sample.
+        unsafe {
+            slope_kernel::launch_unchecked(
+                &grad.client,
+                cubes_for(rows.most()),
+                cube(),
+                argument(raw),
+                argument(grad),
+                argument(&out),
+                bounds,
+                bound,
+                most,
+                rows.bounded(),
+                density,
+            );
+        }
+    }
+    out
+}
+
+/// The views of rays, `[rays · view]`, behind the features of a volume's samples, in a tensor of as
+/// many rows. A volume's rows begin behind `before` samples of the layout.
+pub(crate) fn with_views(
+    features: &CubeTensor,
+    (views, view): (&Uploaded, usize),
+    layout: &Layout,
+    (volume, before): (u32, usize),
+) -> CubeTensor {
+    let [samples, width] = [0, 1].map(|axis| features.meta.shape()[axis]);
+    if samples == 0 || view == 0 || layout.rays == 0 {
+        return features.clone();
+    }
+    let seen = empty(features, [samples, width + view]);
+    // SAFETY: units look at their own ray's samples.
+    unsafe {
+        views_kernel::launch_unchecked(
+            &features.client,
+            cubes_for(layout.rays),
+            cube(),
+            argument(features),
+            views.argument(),
+            layout.spans.argument(),
+            argument(&seen),
+            layout.rays as u32,
+            volume,
+            before as u32,
+            width,
+            view,
+        );
+    }
+    seen
+}
+
 /// One volume's samples on their way to colours and back.
 struct Shaded {
     features: CubeTensor,
@@ -110,48 +215,19 @@ struct Shaded {
 
 impl Shaded {
     fn new(
-        spec: &RadianceSpec,
         (volume, own): (&Volume<CubeTensor>, &VolumeSpec),
         views: &Uploaded,
-        starts: &[u32],
+        layout: &Layout,
+        place: (u32, usize),
     ) -> Self {
         let encoded = &volume.encoded;
         let features = mlp::forward(encoded, &volume.base, &own.base);
         let raw = mlp::forward(&features, &volume.geo, &own.geo);
         let samples = features.meta.shape()[0];
         let density = empty(encoded, [samples]);
-        let (width, view) = (own.base.outputs(), own.app.inputs() - own.base.outputs());
-        let mut seen = features.clone();
-        // SAFETY: units look at their own sample, or at those of their ray.
-        unsafe {
-            if samples > 0 {
-                density_kernel::launch_unchecked(
-                    &encoded.client,
-                    cubes_for(samples),
-                    cube(),
-                    argument(&raw),
-                    argument(&density),
-                    samples as u32,
-                    own.density,
-                );
-            }
-            if samples > 0 && view > 0 {
-                seen = empty(encoded, [samples, width + view]);
-                let rays = spec.layout.rays.len();
-                views_kernel::launch_unchecked(
-                    &encoded.client,
-                    cubes_for(rays),
-                    cube(),
-                    argument(&features),
-                    views.argument(),
-                    Uploaded::u32(encoded, starts).argument(),
-                    argument(&seen),
-                    rays as u32,
-                    width,
-                    view,
-                );
-            }
-        }
+        densities(&raw, own.density, Rows::all(samples), &density);
+        let view = own.app.inputs() - own.base.outputs();
+        let seen = with_views(&features, (views, view), layout, place);
         let colours = mlp::forward(&seen, &volume.app, &own.app);
         Self {
             features,
@@ -168,34 +244,14 @@ impl Shaded {
         (volume, own): (&Volume<CubeTensor>, &VolumeSpec),
         (density, colours): (CubeTensor, CubeTensor),
     ) -> Volume<CubeTensor> {
-        let samples = self.features.meta.shape()[0];
+        let rows = Rows::all(self.features.meta.shape()[0]);
         let (seen, app) = mlp::backward(&self.seen, &volume.app, &colours, &own.app, true);
-        let raw = empty(&density, [samples, 1]);
-        if samples > 0 {
-            // SAFETY: units look at their own sample.
-            unsafe {
-                slope_kernel::launch_unchecked(
-                    &density.client,
-                    cubes_for(samples),
-                    cube(),
-                    argument(&self.raw),
-                    argument(&density),
-                    argument(&raw),
-                    samples as u32,
-                    own.density,
-                );
-            }
-        }
+        let raw = densities_back((&self.raw, own.density), &density, rows);
         let (from_geo, geo) = mlp::backward(&self.features, &volume.geo, &raw, &own.geo, true);
-        let width = own.base.outputs();
-        let from_app = seen.map(|seen| {
-            let all = Slice::from(0..samples);
-            CubeBackend::float_slice(seen, &[all, Slice::from(0..width)])
-        });
-        let features = match (from_app, from_geo) {
-            (Some(a), Some(b)) => whole(CubeBackend::float_add(a, b)),
-            _ => unreachable!("both were asked for"),
+        let (Some(seen), Some(from_geo)) = (seen, from_geo) else {
+            unreachable!("both were asked for");
         };
+        let features = joined(seen, from_geo);
         let (encoded, base) =
             mlp::backward(&volume.encoded, &volume.base, &features, &own.base, true);
         let Some(encoded) = encoded else {
@@ -211,9 +267,22 @@ impl Shaded {
     }
 }
 
-/// Loss and error of composited pixels, and the loss's gradient for them.
-fn pixel_loss(pixels: &CubeTensor, spec: &RadianceSpec) -> ([CubeTensor; 2], CubeTensor) {
-    let rays = spec.layout.rays.len();
+/// The gradient of features: what `app` says of them, without that of views, and what `geo` says.
+pub(crate) fn joined(seen: CubeTensor, from_geo: CubeTensor) -> CubeTensor {
+    let [samples, width] = [0, 1].map(|axis| from_geo.meta.shape()[axis]);
+    let of_features = [Slice::from(0..samples), Slice::from(0..width)];
+    let from_app = CubeBackend::float_slice(seen, &of_features);
+    whole(CubeBackend::float_add(from_app, from_geo))
+}
+
+/// Loss and error of composited pixels, each one number, and the loss's gradient for them.
+/// `weights` are those of depth and distortion.
+pub(crate) fn pixel_loss(
+    pixels: &CubeTensor,
+    targets: &Uploaded,
+    [depth, distortion]: [f32; 2],
+) -> ([CubeTensor; 2], CubeTensor) {
+    let rays = pixels.meta.shape()[0];
     let (errors, losses) = (empty(pixels, [rays]), empty(pixels, [rays]));
     let pixel_grads = empty(pixels, [rays, 6]);
     if rays > 0 {
@@ -224,12 +293,12 @@ fn pixel_loss(pixels: &CubeTensor, spec: &RadianceSpec) -> ([CubeTensor; 2], Cub
                 cubes_for(rays),
                 cube(),
                 argument(pixels),
-                Uploaded::f32(pixels, &spec.targets).argument(),
+                targets.argument(),
                 argument(&errors),
                 argument(&losses),
                 argument(&pixel_grads),
-                spec.depth,
-                spec.distortion,
+                depth,
+                distortion,
                 rays as u32,
             );
         }
@@ -260,17 +329,21 @@ pub(crate) fn loss(
         }
     });
     let like = &volumes[0].base;
+    let layout = Layout::of(like, &spec.layout);
     let views = Uploaded::f32(like, &spec.views);
-    let starts = spec.starts();
-    let shaded =
-        [0, 1].map(|v| Shaded::new(spec, (&volumes[v], &spec.volumes[v]), &views, &starts[v]));
+    let shaded = [0, 1].map(|v| {
+        let place = (v as u32, v * counts[0]);
+        Shaded::new((&volumes[v], &spec.volumes[v]), &views, &layout, place)
+    });
     let [inner, outer] = &shaded;
     let densities = CubeBackend::float_cat(vec![inner.density.clone(), outer.density.clone()], 0);
     let colours = CubeBackend::float_cat(vec![inner.colours.clone(), outer.colours.clone()], 0);
-    let pixels = composite::forward(&spec.layout, &densities, &colours);
-    let ([losses, errors], pixel_grads) = pixel_loss(&pixels, spec);
+    let pixels = composite::forward(&layout, &densities, &colours);
+    let targets = Uploaded::f32(like, &spec.targets);
+    let weights = [spec.depth, spec.distortion];
+    let ([losses, errors], pixel_grads) = pixel_loss(&pixels, &targets, weights);
     let (density_grads, colour_grads) =
-        composite::backward(&spec.layout, &densities, &colours, &pixel_grads);
+        composite::backward(&layout, &densities, &colours, &pixel_grads);
     let out = CubeBackend::float_cat(vec![losses, errors, densities], 0);
     let split = |from: usize, to: usize, tensor: &CubeTensor| {
         whole(CubeBackend::float_slice(

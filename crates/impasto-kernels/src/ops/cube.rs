@@ -1,6 +1,7 @@
 //! GPUs: tensors stay where they are.
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
+use crate::gpu::composite::Layout;
 use crate::gpu::launch::whole;
 use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance};
 use crate::{
@@ -31,7 +32,8 @@ impl KernelOps for CubeBackend {
     }
 
     fn composite(sigma: Primitive, colours: Primitive, layout: Arc<CompositeLayout>) -> Primitive {
-        composite::forward(&layout, &whole(sigma), &whole(colours))
+        let sigma = whole(sigma);
+        composite::forward(&Layout::of(&sigma, &layout), &sigma, &whole(colours))
     }
 
     fn perceptual(image: Primitive, stack: Arc<PerceptualStack>) -> Primitive {
@@ -94,7 +96,10 @@ impl KernelGrad for CubeBackend {
         grad: Primitive,
         layout: Arc<CompositeLayout>,
     ) -> (Primitive, Primitive) {
-        composite::backward(&layout, &whole(sigma), &whole(colours), &whole(grad))
+        layout.in_order();
+        let sigma = whole(sigma);
+        let device = Layout::of(&sigma, &layout);
+        composite::backward(&device, &sigma, &whole(colours), &whole(grad))
     }
 
     fn radiance_loss_with_gradients(

@@ -280,18 +280,6 @@ impl RadianceSpec {
         }
         counts
     }
-
-    /// Where each ray's samples of each volume begin, and where the last one's end.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn starts(&self) -> [Vec<u32>; 2] {
-        let rays = &self.layout.rays;
-        let of = |span: fn(&RaySpan) -> &Range<usize>| {
-            let first = rays.first().map_or(0, |ray| span(ray).start);
-            let ends = rays.iter().map(move |ray| (span(ray).end - first) as u32);
-            std::iter::once(0).chain(ends).collect()
-        };
-        [of(|ray| &ray.inner), of(|ray| &ray.outer)]
-    }
 }
 
 struct PackedVolume<'a> {

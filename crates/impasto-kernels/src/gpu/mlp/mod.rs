@@ -6,7 +6,9 @@ mod backward;
 mod forward;
 mod plan;
 
-use super::launch::{MOST_CUBES, UNITS, Uploaded, argument, cube, cubes_for, empty, zeros};
+use super::launch::{
+    MOST_CUBES, Rows, UNITS, Uploaded, argument, cube, cubes_for, empty, extent, zeros,
+};
 use crate::MlpSpec;
 use backward::layer_backward;
 use burn_cubecl::cubecl::{self, prelude::*};
@@ -81,26 +83,23 @@ fn forward_kernel(
     packed: &[Quad],
     kept: &mut [Quad],
     out: &mut [f32],
-    rows: u32,
-    tiles: u32,
+    bounds: &[u32],
+    bound: u32,
+    most: u32,
     layers: u32,
     inputs: u32,
     outputs: u32,
+    #[comptime] bounded: bool,
     #[comptime] shape: Shape,
 ) {
     let quads = comptime!(shape.quads);
     let mut tile = new_tile(shape);
     let kept_at = CUBE_POS_X as usize * comptime!(shape.kept * quads);
+    let (start, rows) = extent(bounds, bound, most, bounded);
+    let tiles = (rows - start).div_ceil(comptime!(shape.rows())) as u32;
     for index in range_stepped(CUBE_POS_X, tiles, CUBE_COUNT_X) {
-        let first_row = index as usize * comptime!(shape.rows());
-        read_rows(
-            x,
-            &mut tile.from,
-            first_row,
-            rows as usize,
-            inputs as usize,
-            quads,
-        );
+        let first_row = start + index as usize * comptime!(shape.rows());
+        read_rows(x, &mut tile.from, first_row, rows, inputs as usize, quads);
         sync_cube();
         for l in 0..layers as usize {
             let layer = layer_at(table, l);
@@ -108,14 +107,7 @@ fn forward_kernel(
                 params, packed, &mut tile, kept, kept_at, &layer, false, shape,
             );
         }
-        write_rows(
-            &tile.from,
-            out,
-            first_row,
-            rows as usize,
-            outputs as usize,
-            quads,
-        );
+        write_rows(&tile.from, out, first_row, rows, outputs as usize, quads);
         sync_cube();
     }
 }
@@ -124,17 +116,30 @@ fn forward_kernel(
 pub(crate) fn forward(x: &CubeTensor, params: &CubeTensor, spec: &MlpSpec) -> CubeTensor {
     let rows = x.meta.shape()[0];
     let out = empty(x, [rows, spec.outputs()]);
-    if rows == 0 {
-        return out;
+    forward_into(x, params, spec, Rows::all(rows), &out);
+    out
+}
+
+/// The same for some rows of `x`, to the same rows of `out`; others stay as they are.
+pub(crate) fn forward_into(
+    x: &CubeTensor,
+    params: &CubeTensor,
+    spec: &MlpSpec,
+    rows: Rows<'_>,
+    out: &CubeTensor,
+) {
+    if rows.most() == 0 {
+        return;
     }
     let plan = Plan::of(spec);
-    let tiles = plan.tiles(rows);
+    let tiles = plan.tiles(rows.most());
     // Only residual blocks keep anything here.
     let (cubes, kept) = match spec.blocks().is_empty() {
         true => (tiles.min(MOST_CUBES), 4),
         false => (tiles.min(CUBES), plan.kept(tiles.min(CUBES))),
     };
     let resident = Resident::new(params, &plan);
+    let (bounds, bound, most) = rows.arguments(x);
     // SAFETY: rows are looked at as far as there are any; the rest is laid out by the plan.
     unsafe {
         forward_kernel::launch_unchecked(
@@ -146,16 +151,17 @@ pub(crate) fn forward(x: &CubeTensor, params: &CubeTensor, spec: &MlpSpec) -> Cu
             resident.table.argument(),
             argument(&resident.packed),
             argument(&empty(x, [kept])),
-            argument(&out),
-            rows as u32,
-            tiles as u32,
+            argument(out),
+            bounds,
+            bound,
+            most,
             plan.layers as u32,
             plan.inputs as u32,
             plan.outputs as u32,
+            rows.bounded(),
             plan.shape,
         );
     }
-    out
 }
 
 #[cube(launch_unchecked)]
@@ -172,12 +178,14 @@ fn backward_kernel(
     kept: &mut [Quad],
     sums: &mut [f32],
     input_grad: &mut [f32],
-    rows: u32,
-    tiles: u32,
+    bounds: &[u32],
+    bound: u32,
+    most: u32,
     layers: u32,
     inputs: u32,
     outputs: u32,
     count: u32,
+    #[comptime] bounded: bool,
     #[comptime] need_input: bool,
     #[comptime] shape: Shape,
 ) {
@@ -189,16 +197,11 @@ fn backward_kernel(
         sums[sums_at + i] = 0.0;
     }
     sync_storage();
+    let (start, rows) = extent(bounds, bound, most, bounded);
+    let tiles = (rows - start).div_ceil(comptime!(shape.rows())) as u32;
     for index in range_stepped(CUBE_POS_X, tiles, CUBE_COUNT_X) {
-        let first_row = index as usize * comptime!(shape.rows());
-        read_rows(
-            x,
-            &mut tile.from,
-            first_row,
-            rows as usize,
-            inputs as usize,
-            quads,
-        );
+        let first_row = start + index as usize * comptime!(shape.rows());
+        read_rows(x, &mut tile.from, first_row, rows, inputs as usize, quads);
         sync_cube();
         for l in 0..layers as usize {
             let layer = layer_at(table, l);
@@ -210,7 +213,7 @@ fn backward_kernel(
             grad,
             &mut tile.from,
             first_row,
-            rows as usize,
+            rows,
             outputs as usize,
             quads,
         );
@@ -226,7 +229,7 @@ fn backward_kernel(
                 &tile.from,
                 input_grad,
                 first_row,
-                rows as usize,
+                rows,
                 inputs as usize,
                 quads,
             );
@@ -257,16 +260,32 @@ pub(crate) fn backward(
     need_input: bool,
 ) -> (Option<CubeTensor>, CubeTensor) {
     let rows = x.meta.shape()[0];
-    let plan = Plan::of(spec);
     let input_grad = empty(x, [if need_input { rows } else { 1 }, spec.inputs()]);
-    if rows == 0 {
-        return (need_input.then_some(input_grad), zeros(x, [plan.params]));
+    let wanted = need_input.then_some(&input_grad);
+    let params_grad = backward_into(x, params, grad, spec, Rows::all(rows), wanted);
+    (need_input.then_some(input_grad), params_grad)
+}
+
+/// The same for some rows, whose gradients go to the same rows of `input_grad`, where that is
+/// wanted; returns the parameters' gradients.
+pub(crate) fn backward_into(
+    x: &CubeTensor,
+    params: &CubeTensor,
+    grad: &CubeTensor,
+    spec: &MlpSpec,
+    rows: Rows<'_>,
+    input_grad: Option<&CubeTensor>,
+) -> CubeTensor {
+    let plan = Plan::of(spec);
+    if rows.most() == 0 {
+        return zeros(x, [plan.params]);
     }
     let params_grad = empty(x, [plan.params]);
-    let tiles = plan.tiles(rows);
-    let cubes = tiles.min(CUBES);
+    let cubes = plan.tiles(rows.most()).min(CUBES);
     let sums = empty(x, [cubes * plan.params]);
     let resident = Resident::new(params, &plan);
+    let (bounds, bound, most) = rows.arguments(x);
+    let unwanted = empty(x, [1]);
     // SAFETY: as of `forward`; every cube has its own part of what is kept and summed up.
     unsafe {
         backward_kernel::launch_unchecked(
@@ -280,14 +299,16 @@ pub(crate) fn backward(
             argument(grad),
             argument(&empty(x, [plan.kept(cubes)])),
             argument(&sums),
-            argument(&input_grad),
-            rows as u32,
-            tiles as u32,
+            argument(input_grad.unwrap_or(&unwanted)),
+            bounds,
+            bound,
+            most,
             plan.layers as u32,
             plan.inputs as u32,
             plan.outputs as u32,
             plan.params as u32,
-            need_input,
+            rows.bounded(),
+            input_grad.is_some(),
             plan.shape,
         );
         sum_kernel::launch_unchecked(
@@ -300,5 +321,5 @@ pub(crate) fn backward(
             plan.params as u32,
         );
     }
-    (need_input.then_some(input_grad), params_grad)
+    params_grad
 }
