@@ -310,6 +310,38 @@ fn groups_of_rays_are_rays_one_by_one() {
 }
 
 #[test]
+fn a_patch_is_painted_as_it_is_rendered() {
+    let device = tested();
+    let field = Field::new(config(&hash_grid()));
+    let mut rng = Pcg64::seed_from_u64(9);
+    let weights = field.init(&mut rng, &device);
+    let grids = field.grids(1.0, None);
+    let settings = AppearanceConfig {
+        shading: Shading::Surface,
+        ..app()
+    };
+    let style = Appearance::init(settings.clone(), field.features(), &mut rng, &device);
+    let parts = (&field, &weights, &grids);
+    let all = many_rays();
+    // One group of rays on every device, so that samples lie in the same places.
+    let all = all.part(0..128);
+    let prepared = prepare_rays(parts, None, (&settings, 0.0, usize::MAX), &all, 7);
+    let patch = host(prepared.levels[0][0].composite(&style));
+    let geometry = field.look(&weights, &all, &grids, Some(7));
+    let alone = host(
+        geometry
+            .prepared(&settings)
+            .paintable(&settings)
+            .composite(&style),
+    );
+    for (patch, alone) in patch.chunks_exact(6).zip(alone.chunks_exact(6)) {
+        for (a, b) in patch[..3].iter().zip(&alone[..3]) {
+            assert!((a - b).abs() < 1e-3, "{patch:?} {alone:?}");
+        }
+    }
+}
+
+#[test]
 fn the_loss_is_that_of_the_composite() {
     let device = tested();
     for (bands, density, latent) in [

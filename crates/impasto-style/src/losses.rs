@@ -1,7 +1,7 @@
 //! Losses of the style stage (PAPER §8).
 
-use crate::perceptual::{Features, Statistics};
-use burn::tensor::{Tensor, TensorData};
+use crate::perceptual::Statistics;
+use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
 
 /// How a style loss sums up statistics.
@@ -24,20 +24,18 @@ const LEAST_SQUARE: f32 = 1e-12;
 /// to the painting's, summed up by `reduction`.
 ///
 /// # Shapes
-/// `traced`: the result of [`crate::Perceptual::traced`]; results: one number each.
+/// `traced`: the result of [`crate::Perceptual::traced`]; `photo`: relu4_1 of the photo, a constant
+/// of the same graph; results: one number each.
 pub fn content_and_style(
     traced: &Tensor<1>,
-    photo: &Features,
+    photo: &Tensor<1>,
     painting: &Statistics,
     reduction: StyleReduction,
 ) -> (Tensor<1>, Tensor<1>) {
     let device = traced.device();
-    let constant = |data: &[f32]| {
-        Tensor::<1>::from_data(TensorData::new(data.to_vec(), [data.len()]), &device)
-    };
-    let split = photo.content.len();
-    let content = traced.clone().slice(0..split) - constant(&photo.content);
-    let style = traced.clone().slice(split..split + Statistics::LEN) - constant(&painting.0);
+    let [split] = photo.dims();
+    let content = traced.clone().slice(0..split) - photo.clone();
+    let style = traced.clone().slice(split..split + Statistics::LEN) - painting.tensor(&device);
     let style = match reduction {
         StyleReduction::Concatenated => style.square().mean(),
         StyleReduction::Layers => {
@@ -58,10 +56,7 @@ mod tests {
 
     #[test]
     fn reductions_weigh_layers_by_width_or_alike() {
-        let photo = Features {
-            content: vec![0.0; 4],
-            statistics: Statistics(vec![0.0; Statistics::LEN]),
-        };
+        let photo = Tensor::zeros([4], &Device::flex().autodiff());
         let painting = Statistics(vec![0.0; Statistics::LEN]);
         let of = |first: usize, width: usize, reduction| {
             let mut numbers = vec![0.5; 4];

@@ -3,7 +3,7 @@
 //! in [`crate::weights`].
 
 use crate::{StyleError, TensorFile};
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 use impasto_kernels::{ConvLayer, FeatureMap, PerceptualStack, ops};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -52,6 +52,11 @@ impl Statistics {
             *end += width;
             Some(start..*end)
         })
+    }
+
+    /// As a tensor.
+    pub fn tensor(&self, device: &Device) -> Tensor<1> {
+        Tensor::from_data(self.0.as_slice(), device)
     }
 
     /// Mean squared difference over all numbers: the style loss (PAPER §8, reference form).
@@ -247,8 +252,14 @@ impl Perceptual {
     }
 
     fn check(&self, image: &[f32], height: usize, width: usize) -> Result<(), StyleError> {
+        // An image of another length than it says has fewer pixels, too.
+        let height = height.min(image.len() / (3 * width.max(1)));
+        self.check_size(height, width)
+    }
+
+    fn check_size(&self, height: usize, width: usize) -> Result<(), StyleError> {
         let least = self.stack.smallest();
-        if height.min(width) < least || image.len() != height * width * 3 {
+        if height.min(width) < least {
             return Err(StyleError::TooSmall {
                 width,
                 height,
@@ -256,6 +267,21 @@ impl Perceptual {
             });
         }
         Ok(())
+    }
+
+    /// [`Perceptual::features`] of an image that stays where it is: content feature and statistics.
+    ///
+    /// # Shapes
+    /// `image`: `[height, width, 3]`; results: one vector each.
+    ///
+    /// # Errors
+    /// As of [`Perceptual::features`].
+    pub fn features_of(&self, image: Tensor<3>) -> Result<[Tensor<1>; 2], StyleError> {
+        let [height, width, _] = image.dims();
+        self.check_size(height, width)?;
+        let split = self.content_len(height, width);
+        let all = self.traced(image);
+        Ok([0..split, split..split + Statistics::LEN].map(|part| all.clone().slice(part)))
     }
 
     /// [`Perceptual::features`] in an autodiff graph: content feature, then statistics, as one vector.

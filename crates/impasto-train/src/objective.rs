@@ -2,7 +2,7 @@
 
 use crate::config::StyleConfig;
 use crate::patches::{FrozenPatch, PatchPool};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 use impasto_style::{Perceptual, Statistics, losses};
 
 /// Perceptual losses of painted patches.
@@ -48,14 +48,15 @@ impl Objective<'_> {
         let pixels = self.patches.averaged(colours.clone());
         let traced = self.vgg.traced(pixels.clone());
         let (content, likeness) =
-            losses::content_and_style(&traced, &patch.features, target, settings.style_reduction);
+            losses::content_and_style(&traced, &patch.content, target, settings.style_reduction);
         let mut total = content.clone() * settings.content_weight;
         if styled {
-            let ease = match settings.weigh_paintings {
-                true => self.patches.ease(target),
-                false => 1.0,
-            };
-            total = total + likeness.clone() * (settings.style_weight * ease);
+            let style = likeness.clone() * settings.style_weight;
+            total = total
+                + match settings.weigh_paintings {
+                    true => style * self.patches.ease(target),
+                    false => style,
+                };
         }
         if settings.photo_weight > 0.0 {
             total = total + difference(pixels, patch.pixels.clone()) * settings.photo_weight;
@@ -84,7 +85,6 @@ impl Losses {
 }
 
 /// Mean squared difference to pixels of the same shape.
-pub(crate) fn difference(colours: Tensor<3>, pixels: Vec<f32>) -> Tensor<1> {
-    let wanted = Tensor::from_data(TensorData::new(pixels, colours.dims()), &colours.device());
+pub(crate) fn difference(colours: Tensor<3>, wanted: Tensor<3>) -> Tensor<1> {
     (colours - wanted).square().mean()
 }

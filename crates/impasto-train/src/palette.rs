@@ -1,6 +1,7 @@
 //! Colours of pictures as mean and covariance, and the linear map between two of them.
 
 use crate::styles::STYLE_SIDE;
+use burn::tensor::Tensor;
 use glam::{DMat3, DVec3};
 use image::RgbImage;
 use impasto_style::{picture, square_crop};
@@ -109,6 +110,18 @@ impl Recolouring {
         Self { matrix, from, to }
     }
 
+    /// What [`Self::apply`] does with pixels that stay where they are, `[height, width, 3]`.
+    pub fn applied(&self, pixels: Tensor<3>) -> Tensor<3> {
+        let (shape, device) = (pixels.dims(), pixels.device());
+        // Column by column, which is row by row for colours that stand in rows.
+        let matrix = self.matrix.to_cols_array().map(|x| x as f32);
+        let matrix = Tensor::<1>::from_data(matrix, &device).reshape([3, 3]);
+        let moved = (self.to - self.matrix * self.from).as_vec3().to_array();
+        let moved = Tensor::<1>::from_data(moved, &device).unsqueeze::<2>();
+        let mapped = pixels.reshape([shape[0] * shape[1], 3]).matmul(matrix) + moved;
+        mapped.clamp(0.0, 1.0).reshape(shape)
+    }
+
     /// The mapped colours, clamped to `[0, 1]`.
     pub fn apply(&self, pixels: &[f32]) -> Vec<f32> {
         pixels
@@ -136,6 +149,18 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
+
+    #[test]
+    fn pixels_are_recoloured_alike_wherever_they_are() {
+        let (one, other) = (colours(1, [0.3, 0.1, 0.2]), colours(2, [0.1, 0.4, 0.3]));
+        let palette = |colours: &[f32]| Palette::of(colours.chunks_exact(3));
+        let recolouring = palette(&one).recolouring(&palette(&other));
+        let pixels = Tensor::<1>::from_data(&one[..], &impasto_kernels::device::tested());
+        let found = impasto_field::render::host(recolouring.applied(pixels.reshape([30, 100, 3])));
+        for (found, wanted) in found.iter().zip(recolouring.apply(&one)) {
+            assert!((found - wanted).abs() < 1e-4, "{found} {wanted}");
+        }
+    }
 
     fn colours(seed: u64, spread: [f32; 3]) -> Vec<f32> {
         let mut rng = Pcg64::seed_from_u64(seed);

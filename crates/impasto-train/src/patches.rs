@@ -5,11 +5,10 @@ use crate::palette::Palette;
 use crate::rays::{CameraRays, PhotoRays};
 use burn::tensor::Tensor;
 use impasto_field::encoding::matrix;
-use impasto_field::render::host;
 use impasto_field::{
     Appearance, AppearanceConfig, Field, FieldWeights, Grids, Paintable, RayBatch, prepare_rays,
 };
-use impasto_style::{Features, PatchSampler, Perceptual, Statistics, StyleError};
+use impasto_style::{PatchSampler, Perceptual, Statistics, StyleError};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use std::sync::Arc;
@@ -25,16 +24,18 @@ pub struct Frozen {
     pub photo_app: Appearance,
 }
 
-/// One patch: all that a style update needs and that no style changes.
+/// One patch: all that a style update needs and that no style changes, constants of an autodiff
+/// graph.
 #[derive(Debug)]
 pub struct FrozenPatch {
-    /// Samples with features and densities, constants of an autodiff graph: of the first field of
-    /// a cascade, where there is one, then of the field. Each in parts, ray after ray.
+    /// Samples with features and densities: of the first field of a cascade, where there is one,
+    /// then of the field. Each in parts, ray after ray.
     pub levels: Vec<Vec<Paintable>>,
-    /// What the perceptual network says of the unstylised patch.
-    pub features: Features,
-    /// The unstylised patch, row-major.
-    pub pixels: Vec<f32>,
+    /// The perceptual network's content feature of the unstylised patch, and its statistics.
+    pub content: Tensor<1>,
+    statistics: Tensor<1>,
+    /// The unstylised patch, `[height, width, 3]`.
+    pub pixels: Tensor<3>,
 }
 
 impl FrozenPatch {
@@ -119,16 +120,19 @@ impl PatchPool {
 
     /// What the style loss of a painting is multiplied with, so that all paintings count alike:
     /// the inverse of its distance to the photos so far, in units of [`TYPICAL_DISTANCE`].
-    pub fn ease(&self, target: &Statistics) -> f32 {
-        let sum = |i: usize| {
-            self.kept
-                .iter()
-                .map(|p| p.features.statistics.0[i])
-                .sum::<f32>()
-        };
-        let count = self.kept.len().max(1) as f32;
-        let mean = Statistics((0..Statistics::LEN).map(|i| sum(i) / count).collect());
-        TYPICAL_DISTANCE / mean.distance(target).max(LEAST_DISTANCE)
+    ///
+    /// # Shapes
+    /// Result: one number, a constant of an autodiff graph.
+    ///
+    /// # Panics
+    /// If no patch was drawn yet.
+    pub fn ease(&self, target: &Statistics) -> Tensor<1> {
+        let kept: Vec<Tensor<1>> = self.kept.iter().map(|p| p.statistics.clone()).collect();
+        let mean: Tensor<1> = Tensor::stack::<2>(kept, 0).mean_dim(0).squeeze_dim(0);
+        let distance = (mean.clone() - target.tensor(&mean.device()))
+            .square()
+            .mean();
+        distance.clamp_min(LEAST_DISTANCE).recip() * TYPICAL_DISTANCE
     }
 
     /// A new patch when the ones made so far have been used often enough, else a kept one.
@@ -196,11 +200,13 @@ impl PatchPool {
         let wanted = prepared
             .colours
             .unwrap_or_else(|| matrix(wanted, 3, &photo_app.inner.device()));
-        let pixels = host(self.averaged(wanted).clamp(0.0, 1.0));
+        let pixels = self.averaged(wanted).clamp(0.0, 1.0);
+        let [content, statistics] = vgg.features_of(pixels.clone())?.map(Tensor::from_inner);
         Ok(FrozenPatch {
             levels: lifted(prepared.levels),
-            features: vgg.features(&pixels, rows, columns)?,
-            pixels,
+            content,
+            statistics,
+            pixels: Tensor::from_inner(pixels),
         })
     }
 
@@ -294,6 +300,7 @@ mod tests {
     use burn::tensor::Device;
     use glam::DVec3;
     use impasto_field::EncodingConfig;
+    use impasto_field::render::host;
     use impasto_style::PatchStrides;
     use rand::SeedableRng;
 
@@ -358,8 +365,9 @@ mod tests {
             "until the second is due there is one patch"
         );
         assert!(!Arc::ptr_eq(&drawn[2], &drawn[3]));
-        assert_eq!(drawn[0].pixels.len(), 16 * 16 * 3);
-        assert!(drawn[0].pixels.iter().all(|x| (0.0..=1.0).contains(x)));
+        assert_eq!(drawn[0].pixels.dims(), [16, 16, 3]);
+        let pixels = host(drawn[0].pixels.clone().inner());
+        assert!(pixels.iter().all(|x| (0.0..=1.0).contains(x)));
     }
 
     #[test]
@@ -379,7 +387,8 @@ mod tests {
             let patch = pool.make(&vgg, &mut Pcg64::seed_from_u64(seed)).unwrap();
             assert_eq!(patch.rays(), 64);
             // Neighbours are a whole number of pixels apart.
-            let at = |row: usize, column: usize| patch.pixels[3 * (8 * row + column)];
+            let pixels = host(patch.pixels.clone().inner());
+            let at = |row: usize, column: usize| pixels[3 * (8 * row + column)];
             let across = (at(0, 1) - at(0, 0)) * 48.0;
             let down = (at(1, 0) - at(0, 0)) * 100.0;
             for step in [across, down] {

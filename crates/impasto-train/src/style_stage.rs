@@ -10,7 +10,7 @@ use crate::rays::PhotoRays;
 use crate::styles::{Style, StyleSet};
 use burn::tensor::{Device, Tensor};
 use impasto_field::{Appearance, Canvas, Field};
-use impasto_kernels::ops::AdamParam;
+use impasto_kernels::{device::is_cpu, ops::AdamParam};
 use impasto_style::{Hypernetwork, HypernetworkWeights, Perceptual, StyleCode, StyleError};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -81,7 +81,14 @@ pub struct StyleStage {
     device: Device,
     /// Updates with perceptual losses so far.
     updates: u64,
+    /// Steps so far, and what was last seen of one.
+    steps: u64,
+    seen: StyleReport,
 }
+
+/// Steps between two looks at the losses on a GPU: often enough that a budget in seconds holds,
+/// since the host runs ahead.
+pub(crate) const READ_EVERY: u64 = 16;
 
 impl StyleStage {
     /// Prepares training on frozen geometry.
@@ -124,6 +131,8 @@ impl StyleStage {
             rng,
             device: device.clone(),
             updates: 0,
+            steps: 0,
+            seen: StyleReport::default(),
         }
     }
 
@@ -178,7 +187,12 @@ impl StyleStage {
         }
         let styled = self.updates > self.config.style.style_warmup;
         // Every level has a loss of its own; the field's, which is rendered, is the last.
-        let mut report = StyleReport::default();
+        let looks_at = is_cpu(&self.device) || self.steps.is_multiple_of(READ_EVERY);
+        self.steps += 1;
+        let mut report = StyleReport {
+            rays: patch.rays(),
+            ..self.seen
+        };
         let losses = patch.levels.iter().zip(&looks).map(|(parts, look)| {
             painted::loss_of(parts, look, |colours| {
                 let losses = match palette {
@@ -187,7 +201,9 @@ impl StyleStage {
                         .objective()
                         .losses(colours, patch, (&style.target, styled)),
                 };
-                report = losses.report(patch.rays());
+                if looks_at {
+                    report = losses.report(patch.rays());
+                }
                 losses.total
             })
         });
@@ -201,6 +217,7 @@ impl StyleStage {
         let hyper: Vec<_> = layers.map(&mut taken).collect();
         let canvas = model.canvas.iter().flat_map(|c| [&c.inner, &c.outer]);
         let canvas: Vec<_> = canvas.map(&mut taken).collect();
+        self.seen = report;
         // Adam works in place only on what nobody else holds.
         drop((model, looks));
         let (rate, canvas_rate) = self.rates(clock);
@@ -223,7 +240,7 @@ impl StyleStage {
         let colours = self.patches.averaged(rays);
         let recolouring = self.patches.palette().recolouring(&style.palette);
         Losses {
-            total: difference(colours, recolouring.apply(&patch.pixels)),
+            total: difference(colours, recolouring.applied(patch.pixels.clone())),
             content: None,
             style: None,
         }

@@ -107,6 +107,7 @@ impl VolumeSamples {
         append(&mut self.raw, &mut other.raw);
         append(&mut self.cube, &mut other.cube);
         append(&mut self.views, &mut other.views);
+        append(&mut self.spreads, &mut other.spreads);
     }
 
     fn part(&self, dimensions: usize, range: Range<usize>) -> Self {

@@ -185,9 +185,10 @@ impl Lesson {
         let data = TensorData::new(decoded.data.clone(), shape);
         let picture = Tensor::<3>::from_data(data, &Device::flex().autodiff()).require_grad();
         let traced = self.vgg.traced(picture.clone());
+        let photo = Tensor::from_data(wanted.content.as_slice(), &traced.device());
         let (content, style) = content_and_style(
             &traced,
-            wanted,
+            &photo,
             &wanted.statistics,
             StyleReduction::Concatenated,
         );
