@@ -26,6 +26,17 @@ pub enum CliError {
     /// The device that was asked for.
     #[error(transparent)]
     Device(#[from] NoDevice),
+    /// The GPU gave up.
+    #[error(
+        "computing on {name} failed: {reason}; give it less at a time (a smaller --size, a larger \
+         --downscale, fewer rays), or use --device cpu"
+    )]
+    Gpu {
+        /// Which.
+        name: String,
+        /// What was heard of it first.
+        reason: String,
+    },
     /// The capture.
     #[error(transparent)]
     Scene(#[from] SceneError),

@@ -66,7 +66,7 @@ pub fn to_json(structure: &impl serde::Serialize) -> Value {
 /// Runs the process's command line.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let answer = match &cli.command {
+    let answer = device::guarded(|| match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Train(args) => train::run(args),
         Command::TrainEncoder(args) => train_encoder::run(args),
@@ -77,7 +77,7 @@ pub fn main() -> ExitCode {
         Command::Info(args) => info::run(args),
         Command::Weights(args) => weights::run(args),
         Command::Bench(args) => bench::run(args),
-    };
+    });
     match answer {
         Ok(answer) if cli.json => console::result(&answer.json.to_string()),
         Ok(answer) => console::result(&answer.text),

@@ -68,7 +68,7 @@ enum StageArg {
 pub enum Preset {
     /// For a CPU: hash grids and small networks
     Fast,
-    /// The paper's architecture and schedule (so far its geometry stage)
+    /// The paper's architecture and schedule
     Paper,
 }
 

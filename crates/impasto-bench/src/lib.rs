@@ -1,6 +1,7 @@
-//! Times of the hot kernels, as shares of what the machine can do at all, with the plain tensor
-//! library beside them in the same run.
+//! Times of the hot kernels, as shares of what the machine can do at all; on the CPU with the plain
+//! tensor library beside them in the same run.
 
+mod device;
 mod machine;
 mod peak;
 mod plain;
@@ -39,8 +40,10 @@ pub struct Report {
     /// What they were taken on.
     #[serde(flatten)]
     pub machine: Machine,
+    /// The GPU, where they are not the processor's.
+    pub device: Option<String>,
     /// Billions of multiplications and additions a second that all threads reach together in
-    /// registers.
+    /// registers; on a GPU, that a product of large matrices reaches.
     pub peak_gflops: f64,
     /// Kernels.
     pub kernels: Vec<Timing>,
@@ -79,11 +82,17 @@ fn tensor<const D: usize>(data: Vec<f32>, shape: [usize; D], device: &Device) ->
     Tensor::from_data(TensorData::new(data, shape), device)
 }
 
-/// Measures everything; takes some seconds.
+/// Measures the kernels on a GPU of this name; takes some seconds.
+pub fn run_on(device: &Device, name: &str) -> Report {
+    device::run(device, name)
+}
+
+/// Measures the kernels on the CPU; takes some seconds.
 pub fn run() -> Report {
     let peak = peak::gflops();
     let mut report = Report {
         machine: Machine::this(),
+        device: None,
         peak_gflops: peak,
         kernels: Vec::new(),
     };
@@ -129,20 +138,39 @@ const VGG: [(usize, usize, bool); 8] = [
     (256, 512, true),
 ];
 
-fn perceptual_stack() -> (Timing, Timing) {
-    let weights: Vec<Vec<f32>> = VGG
-        .iter()
+fn vgg_weights() -> Vec<Vec<f32>> {
+    VGG.iter()
         .map(|(inputs, outputs, _)| {
             numbers(9 * inputs * outputs, (6.0 / (9.0 * *inputs as f32)).sqrt())
         })
-        .collect();
+        .collect()
+}
+
+fn stack() -> PerceptualStack {
+    let weights = vgg_weights();
     let layers = VGG
         .iter()
         .zip(&weights)
         .map(|((_, outputs, pool), weight)| {
             ConvLayer::new(weight, vec![0.01; *outputs], *pool, *pool)
         });
-    let stack = PerceptualStack::new(layers.collect(), 1.0, [0.5; 3]);
+    PerceptualStack::new(layers.collect(), 1.0, [0.5; 3])
+}
+
+/// What convolutions take on an image.
+fn vgg_flops(layers: &[(usize, usize, bool)], [mut h, mut w]: [usize; 2]) -> f64 {
+    let mut flops = 0.0;
+    for (inputs, outputs, pool) in layers {
+        if *pool {
+            (h, w) = (h / 2, w / 2);
+        }
+        flops += 2.0 * (h * w * 9 * inputs * outputs) as f64;
+    }
+    flops
+}
+
+fn perceptual_stack() -> (Timing, Timing) {
+    let (weights, stack) = (vgg_weights(), stack());
     let [height, width] = PATCH;
     let image: Vec<f32> = numbers(height * width * 3, 0.5);
     let (features, _) = stack.forward(&image, height, width);
@@ -152,19 +180,23 @@ fn perceptual_stack() -> (Timing, Timing) {
         stack.backward(&tape, &grad)
     });
     let forward = fastest(|| stack.forward(&image, height, width).0);
-    let (mut h, mut w, mut flops) = (height, width, 0.0);
-    for (inputs, outputs, pool) in VGG {
-        if pool {
-            (h, w) = (h / 2, w / 2);
-        }
-        flops += 2.0 * (h * w * 9 * inputs * outputs) as f64;
-    }
+    let flops = vgg_flops(&VGG, PATCH);
     let name = |what: &str| format!("VGG-16 to relu4_1 on {height}×{width}, {what}");
     let pixels = height * width;
     let mut timed = timing(name("forward + backward"), both, pixels, Some(2.0 * flops));
     timed.plain_milliseconds =
         Some(1e3 * fastest(plain::perceptual(&VGG, &weights, &image, PATCH)));
     (timed, timing(name("forward"), forward, pixels, Some(flops)))
+}
+
+/// Multiplications of a row.
+fn macs(widths: &[usize]) -> usize {
+    widths.windows(2).map(|w| w[0] * w[1]).sum()
+}
+
+fn mlp_name(widths: &[usize]) -> String {
+    let text: Vec<String> = widths.iter().map(ToString::to_string).collect();
+    format!("MLP {} forward + backward", text.join("-"))
 }
 
 fn small_mlp(widths: &[usize]) -> Timing {
@@ -176,31 +208,37 @@ fn small_mlp(widths: &[usize]) -> Timing {
         let out = mlp::forward(&spec, &x, &params);
         (out, mlp::backward(&spec, &x, &params, &grad, true))
     });
-    let macs: usize = widths.windows(2).map(|w| w[0] * w[1]).sum();
-    let text: Vec<String> = widths.iter().map(ToString::to_string).collect();
-    let name = format!("MLP {} forward + backward", text.join("-"));
-    let mut timed = timing(name, seconds, ROWS, Some(6.0 * (macs * ROWS) as f64));
+    let flops = 6.0 * (macs(widths) * ROWS) as f64;
+    let mut timed = timing(mlp_name(widths), seconds, ROWS, Some(flops));
     timed.plain_milliseconds = Some(1e3 * fastest(plain::mlp(widths, &x, &params, &grad)));
     timed
 }
 
-fn grid(features: usize, log2_entries: u32) -> [Timing; 2] {
-    let spec = HashGridSpec {
+fn spec_of(features: usize, log2_entries: u32) -> HashGridSpec {
+    HashGridSpec {
         levels: 8,
         features,
         log2_entries,
         coarsest: 16.0,
         finest: 1024.0,
-    };
-    let mut points = Vec::with_capacity(3 * ROWS);
-    // Rays of about 100 samples, as a field is sampled.
-    for start in numbers(ROWS / 100 * 3 + 3, 0.5).chunks_exact(3) {
+    }
+}
+
+/// Points of rays of about 100 samples, as a field is sampled.
+fn points(rows: usize) -> Vec<f32> {
+    let mut points = Vec::with_capacity(3 * rows);
+    for start in numbers(rows / 100 * 3 + 3, 0.5).chunks_exact(3) {
         points
             .extend((0..100).flat_map(|i| {
                 [0, 1, 2].map(|axis| (start[axis] + 0.5 + 0.004 * i as f32).fract())
             }));
     }
-    points.truncate(3 * ROWS);
+    points.truncate(3 * rows);
+    points
+}
+
+fn grid(features: usize, log2_entries: u32) -> [Timing; 2] {
+    let (spec, points) = (spec_of(features, log2_entries), points(ROWS));
     let table = numbers(spec.params(), 0.1);
     let grad = numbers(ROWS * spec.outputs(), 1.0);
     let name = |what| format!("hash grid 8×{features}, 2^{log2_entries} entries, {what}");
@@ -212,10 +250,10 @@ fn grid(features: usize, log2_entries: u32) -> [Timing; 2] {
     ]
 }
 
-fn compositing() -> Timing {
-    let (rays, per_ray) = (PATCH[0] * PATCH[1], 64);
+/// Rays of as many samples each, in one volume.
+fn layout(rays: usize, per_ray: usize) -> CompositeLayout {
     let count = rays * per_ray;
-    let layout = CompositeLayout {
+    CompositeLayout {
         rays: (0..rays)
             .map(|i| RaySpan {
                 inner: 0..0,
@@ -225,7 +263,12 @@ fn compositing() -> Timing {
         deltas: vec![0.02; count],
         depths: vec![1.0; count],
         distances: (0..count).map(|i| (i % per_ray) as f32 / 64.0).collect(),
-    };
+    }
+}
+
+fn compositing() -> Timing {
+    let (rays, per_ray) = (PATCH[0] * PATCH[1], 64);
+    let (count, layout) = (rays * per_ray, layout(rays, per_ray));
     let sigma: Vec<f32> = numbers(count, 3.0).into_iter().map(f32::abs).collect();
     let colours = numbers(count * 3, 1.0);
     let grad = numbers(rays * CompositeLayout::outputs(3), 1.0);

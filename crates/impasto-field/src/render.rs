@@ -12,9 +12,14 @@ use impasto_kernels::device::is_cpu;
 use rayon::prelude::*;
 
 /// The numbers of a tensor, in row-major order.
+///
+/// # Panics
+/// If its device is lost or has no memory left: nothing that was computed there can be trusted.
 pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    // Every tensor of this program is f32; a conversion only fails for a lost device.
-    tensor.try_into_vec_as::<f32>().unwrap_or_default()
+    // Every tensor of this program is f32, so that a conversion never fails for its type.
+    tensor
+        .try_into_vec_as::<f32>()
+        .unwrap_or_else(|error| panic!("numbers cannot be read back: {error}"))
 }
 
 /// Everything about a batch of rays that does not depend on the style.
