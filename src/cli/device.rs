@@ -71,10 +71,44 @@ pub fn guarded<T>(run: impl FnOnce() -> Result<T, CliError>) -> Result<T, CliErr
             resume_unwind(failure);
         };
         let mut first = FAILURE.lock().unwrap_or_else(PoisonError::into_inner);
-        let reason = first.take().unwrap_or_default();
         Err(CliError::Gpu {
             name: name.clone(),
-            reason,
+            reason: innermost(&first.take().unwrap_or_default()).to_owned(),
         })
     })
+}
+
+/// The last cause of several that were told one below the other.
+fn innermost(failure: &str) -> &str {
+    let lines = failure.lines().map(str::trim);
+    let told = lines.filter(|line| {
+        let rest = ["", "Caused by:", "No backtrace available"];
+        !rest.contains(line) && !line.starts_with("Asked at")
+    });
+    told.last().unwrap_or(failure)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_innermost_cause_is_told() {
+        let failure = "numbers cannot be read back: An error happened\n\nCaused by:\n  \
+                       can't allocate buffer of size: 240000000\nNo backtrace available\n\
+                       Asked at:\nNo backtrace available";
+        assert_eq!(
+            innermost(failure),
+            "can't allocate buffer of size: 240000000"
+        );
+        assert_eq!(innermost("device lost"), "device lost");
+    }
+
+    #[test]
+    fn failures_without_a_gpu_stay_what_they_are() {
+        let fails = || guarded(|| -> Result<(), CliError> { panic!("a mistake") });
+        assert!(catch_unwind(fails).is_err());
+        let refused = guarded(|| -> Result<(), CliError> { Err(CliError::Unstyled) });
+        assert!(matches!(refused, Err(CliError::Unstyled)));
+    }
 }

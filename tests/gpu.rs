@@ -1,0 +1,46 @@
+//! What a GPU cannot do is told like everything else. `IMPASTO_DEVICE=gpu` names the device.
+
+#![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+
+use std::process::Command;
+
+use impasto::scene::builtin::{BuiltinOptions, write_capture};
+
+#[test]
+fn no_memory_left_is_a_sentence() {
+    if !std::env::var("IMPASTO_DEVICE").is_ok_and(|device| device.starts_with("gpu")) {
+        eprintln!("skipped: IMPASTO_DEVICE names no GPU");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let options = BuiltinOptions {
+        photos: 8,
+        width: 56,
+        height: 42,
+        ..BuiltinOptions::default()
+    };
+    write_capture(&folder.path().join("scene"), &options).unwrap();
+    // Forty gigabytes for each of a step's buffers.
+    let rays = 10_000_000;
+    let output = Command::new(env!("CARGO_BIN_EXE_impasto"))
+        .args(["train", "scene", "-o", "model", "--stage", "geometry"])
+        .args(["--steps", "1", "--set", "geometry.samples=400000000"])
+        .args(["--set", &format!("geometry.rays=[512,{rays}]")])
+        .args(["--set", &format!("geometry.rays_at_once={rays}")])
+        .current_dir(folder.path())
+        .env_remove("RUST_BACKTRACE")
+        .output()
+        .unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    let errors: Vec<&str> = message
+        .lines()
+        .filter(|l| l.starts_with("error: "))
+        .collect();
+    assert_eq!(errors.len(), 1, "{message}");
+    assert!(
+        errors[0].starts_with("error: computing on ") && errors[0].contains("--device cpu"),
+        "{message}"
+    );
+    assert!(!message.contains("panicked"), "{message}");
+}
