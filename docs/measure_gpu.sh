@@ -10,7 +10,7 @@
 #       there: prints a short table; every command's answer is kept in OUT (measured/ by default).
 #
 # IMPASTO_DEVICE chooses the device (gpu by default). BUDGETS (seconds of geometry stage), STEPS (of
-# the style stage) and SIZE (of rendered views) may be set to less for a first try.
+# the style stage), SIZE (of rendered views) and DOWNSCALE (of photos) may be set for a first try.
 set -euo pipefail
 
 LIMIT_MIB=64
@@ -28,6 +28,7 @@ pack() {
     (cd "$root" && cargo build --locked --release --workspace --features gpu)
     mkdir -p "$bundle/scenes" "$bundle/styles" "$bundle/lib"
     strip -o "$bundle/impasto" "${CARGO_TARGET_DIR:-$root/target}/release/impasto"
+    xz -f -6 "$bundle/impasto"
     # Drivers bring their own parts; the loader that finds them may be missing.
     local loader
     loader=$(ldconfig -p | sed -n 's/.*libvulkan\.so\.1 .*=> //p' | head -n 1)
@@ -68,6 +69,11 @@ row() {
     printf '%-66s %s\n' "$1" "$2"
 }
 
+# A number and its unit.
+in_units() {
+    printf '%.2f %s' "$1" "$2"
+}
+
 run() {
     local here out=${1:-measured} model
     here=$(cd "$(dirname "$0")" && pwd)
@@ -75,10 +81,14 @@ run() {
     out=$(cd "$out" && pwd)
     export LD_LIBRARY_PATH="$here/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
     export IMPASTO_DEVICE=${IMPASTO_DEVICE:-gpu} IMPASTO_CACHE="$out/cache"
-    local impasto="$here/impasto" budgets=${BUDGETS:-20 60} steps=${STEPS:-1000} size=${SIZE:-1920x1080}
+    xz -dc "$here/impasto.xz" > "$out/impasto" ||
+        python3 -c 'import lzma, sys; sys.stdout.buffer.write(lzma.open(sys.argv[1]).read())' \
+            "$here/impasto.xz" > "$out/impasto"
+    chmod +x "$out/impasto"
+    local impasto="$out/impasto" budgets=${BUDGETS:-20 60} steps=${STEPS:-1000} size=${SIZE:-1920x1080}
     local painted=()
     if [ -n "$(ls "$here/styles")" ]; then
-        painted=(--styles "$here/styles")
+        painted=(--styles "$here/styles" --set style.generated=16)
     fi
 
     "$impasto" bench > "$out/bench.txt"
@@ -94,27 +104,30 @@ run() {
         name=$(basename "$scene")
         for seconds in $budgets; do
             model="$out/$name-${seconds}s"
-            "$impasto" train "$scene" -o "$model" --stage geometry --budget "${seconds}s" --json \
+            "$impasto" train "$scene" -o "$model" --stage geometry --budget "${seconds}s" \
+                --downscale "${DOWNSCALE:-1}" --json \
                 > "$model.json"
             last_step "$model" geometry > "$model.step"
             row "$name, geometry stage, ${seconds} s in all: held-out PSNR" \
-                "$(number psnr "$model.json") dB, $(number rays_per_second "$model.step") rays/s"
+                "$(in_units "$(number psnr "$model.json")" dB), \
+$(in_units "$(number rays_per_second "$model.step")" rays/s)"
         done
     done
     for patch in 67,81 134,162; do
         "$impasto" train "$scene" -o "$model" --stage style "${painted[@]}" --steps "$steps" \
+            --downscale "${DOWNSCALE:-1}" \
             --set "style.patch=[$patch]" --set style.supersampling=1 --json > "$out/style.json"
         last_step "$model" style > "$out/style-$patch.step"
-        row "style stage, patches of $patch: updates a second" \
-            "$(number rate "$out/style-$patch.step")"
+        row "style stage, patches of $patch" \
+            "$(in_units "$(number rate "$out/style-$patch.step")" updates/s)"
     done
     row "rendering, default look" "$("$impasto" bench --model "$model" --size "$size")"
     model="$out/paper"
     "$impasto" train "$scene" -o "$model" --preset paper "${painted[@]}" --steps "$((steps / 25 + 4))" \
-        --json > "$model.json"
+        --downscale "${DOWNSCALE:-1}" --json > "$model.json"
     for stage in geometry style; do
         last_step "$model" "$stage" > "$model.step"
-        row "paper preset, $stage stage: steps a second" "$(number rate "$model.step")"
+        row "paper preset, $stage stage" "$(in_units "$(number rate "$model.step")" steps/s)"
     done
 }
 

@@ -80,12 +80,9 @@ pub fn guarded<T>(run: impl FnOnce() -> Result<T, CliError>) -> Result<T, CliErr
 
 /// The last cause of several that were told one below the other.
 fn innermost(failure: &str) -> &str {
-    let lines = failure.lines().map(str::trim);
-    let told = lines.filter(|line| {
-        let rest = ["", "Caused by:", "No backtrace available"];
-        !rest.contains(line) && !line.starts_with("Asked at")
-    });
-    told.last().unwrap_or(failure)
+    let rest = ["", "Caused by:", "No backtrace available", "Asked at:"];
+    let mut told = failure.lines().map(str::trim);
+    told.rfind(|line| !rest.contains(line)).unwrap_or(failure)
 }
 
 #[cfg(test)]

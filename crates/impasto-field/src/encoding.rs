@@ -33,7 +33,7 @@ pub fn frequencies(rows: &[f32], dimensions: usize, bands: usize) -> Vec<f32> {
 ///
 /// # Shapes
 /// `rows`: `[n, dimensions]`; result: `[n, dimensions · (1 + 2 · bands)]`.
-pub fn frequencies_of(rows: Tensor<2>, bands: usize) -> Tensor<2> {
+pub fn frequencies_of(rows: &Tensor<2>, bands: usize) -> Tensor<2> {
     let mut parts = vec![rows.clone()];
     for band in 0..bands {
         let turned = rows.clone() * (1u32 << band) as f32;

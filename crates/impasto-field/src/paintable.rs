@@ -30,11 +30,13 @@ pub(crate) struct PaintableVolume {
 
 /// Where on the canvas samples are.
 #[derive(Debug, Clone)]
-pub(crate) enum CanvasPlaces {
-    /// Points in the unit cube for a hash grid, and what is left of its levels there.
-    Grid(HashGridSpec, Tensor<2>, Option<Tensor<2>>),
-    /// Encoded already: there is nothing to learn.
-    Encoded(Tensor<2>),
+pub(crate) struct CanvasPlaces {
+    /// Points in the unit cube for a hash grid; encoded already where there is none, and nothing to
+    /// learn.
+    rows: Tensor<2>,
+    grid: Option<HashGridSpec>,
+    /// What is left of the grid's levels there.
+    left: Option<Tensor<2>>,
 }
 
 impl CanvasPlaces {
@@ -44,28 +46,31 @@ impl CanvasPlaces {
         points: Tensor<2>,
         spreads: Option<Tensor<1>>,
     ) -> Self {
-        let left = spreads.map(|spreads| faded(&grid, spreads));
-        Self::Grid(grid, points, left)
+        Self {
+            rows: points,
+            grid: Some(grid),
+            left: spreads.map(|spreads| faded(&grid, spreads)),
+        }
     }
 
     /// What is painted there.
     fn strokes(&self, canvas: &Tensor<1>) -> Tensor<2> {
-        match self {
-            Self::Grid(grid, points, left) => {
-                let strokes = ops::hash_encode(points.clone(), canvas.clone(), *grid);
-                match left {
-                    Some(left) => strokes * left.clone(),
-                    None => strokes,
-                }
-            }
-            Self::Encoded(rows) => rows.clone(),
+        let rows = self.rows.clone();
+        let strokes = match self.grid {
+            Some(grid) => ops::hash_encode(rows, canvas.clone(), grid),
+            None => rows,
+        };
+        match &self.left {
+            Some(left) => strokes * left.clone(),
+            None => strokes,
         }
     }
 
     fn map(self, f: &impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
-        match self {
-            Self::Grid(grid, points, left) => Self::Grid(grid, f(points), left.map(f)),
-            Self::Encoded(rows) => Self::Encoded(f(rows)),
+        Self {
+            rows: f(self.rows),
+            left: self.left.map(f),
+            ..self
         }
     }
 }
@@ -101,7 +106,11 @@ impl PaintableVolume {
         let canvas = canvas.map(|encoding| match (encoding, encoding.hash_grid()) {
             (EncodingConfig::Frequency { bands }, _) => {
                 let rows = frequencies(&samples.raw, dimensions, *bands);
-                CanvasPlaces::Encoded(matrix(rows, encoding.outputs(dimensions), device))
+                CanvasPlaces {
+                    rows: matrix(rows, encoding.outputs(dimensions), device),
+                    grid: None,
+                    left: None,
+                }
             }
             (_, Some(grid)) => {
                 let points = matrix(samples.cube.clone(), 3, device);

@@ -3,7 +3,7 @@
 //! go the way that every device goes.
 
 use crate::appearance::{Appearance, AppearanceConfig, Shading};
-use crate::config::SamplingConfig;
+use crate::config::{EncodingConfig, SamplingConfig};
 use crate::encoding::frequencies_of;
 use crate::field::{DENSE, Field, FieldWeights, Grids, Visible};
 use crate::loss::Wanted;
@@ -76,7 +76,7 @@ fn plain(app: &AppearanceConfig) -> bool {
 /// Encoded views of rays for an `app`.
 fn views(directions: &Tensor<2>, app: &AppearanceConfig) -> Option<Tensor<2>> {
     let bands = app.view_bands?;
-    Some(frequencies_of(directions.clone(), bands))
+    Some(frequencies_of(directions, bands))
 }
 
 impl Field {
@@ -225,7 +225,7 @@ fn painted(
 ) -> Paintable {
     let [rays, _] = directions.dims();
     let views = views(directions, config);
-    let grid = config.canvas.as_ref().and_then(|canvas| canvas.hash_grid());
+    let grid = config.canvas.as_ref().and_then(EncodingConfig::hash_grid);
     let volume = |v: usize| PaintableVolume {
         features: surface.features[v].clone(),
         views: views.clone(),

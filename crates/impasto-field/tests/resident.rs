@@ -24,6 +24,7 @@ use rand_pcg::Pcg64;
 use std::sync::Arc;
 
 /// The GPU that tests run on; `None`, said once, where that is the CPU.
+#[allow(clippy::print_stderr, reason = "a test says why it is skipped")]
 fn gpu() -> Option<Device> {
     let device = tested();
     if is_cpu(&device) {
@@ -127,7 +128,7 @@ fn marching_is_the_hosts() {
     let Some(device) = gpu() else { return };
     let (grids, rays) = (grids(), many_rays(300));
     let resident = ResidentGrids::new([grids.inner(), grids.outer()], None, &device);
-    let surface = |ray: usize| (ray % 3 == 0).then_some(0.25);
+    let surface = |ray: usize| ray.is_multiple_of(3).then_some(0.25);
     let found = resident
         .march(&resident_rays(&rays, surface), &march_spec())
         .read();
@@ -312,13 +313,13 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
     let Some(device) = gpu() else { return };
     let (grids, rays) = (grids(), many_rays(200));
     let resident = ResidentGrids::new([grids.inner(), grids.outer()], None, &device);
-    let surface = |ray: usize| (ray % 4 == 0).then_some(0.3);
+    let surface = |ray: usize| ray.is_multiple_of(4).then_some(0.3);
     let samples = resident.march(&resident_rays(&rays, surface), &march_spec());
     let colours: Vec<f32> = (0..600).map(|i| (i as f32 * 0.7).sin().abs()).collect();
     let (depth, distortion) = (0.3, 0.05);
 
     let (own, app) = weights(3, &device);
-    let views = impasto_field::encoding::frequencies_of(samples.directions(), 2);
+    let views = impasto_field::encoding::frequencies_of(&samples.directions(), 2);
     let targets = ResidentTargets {
         views: Some(views),
         colours: colours.clone(),
@@ -449,9 +450,9 @@ fn grids_remember_what_samples_and_random_places_saw() {
     }
     let [after, far] = resident.read().map(Option::unwrap);
     let one = DensityGrid::level_of(1.0);
-    for cell in 0..cells {
+    for (cell, seen) in flags[0].iter().enumerate() {
         let (level, before) = (after.levels()[cell], inner.levels()[cell]);
-        if flags[0][cell] {
+        if *seen {
             assert!(level.abs_diff(one) <= 1, "{level} in cell {cell}");
         } else {
             assert_eq!(level, before, "cell {cell} is never looked at");

@@ -131,6 +131,10 @@ fn unit(x: u32) -> f32 {
 
 /// Draws a random place in some cells; of the outer volume only where an outer point lies.
 #[cube(launch_unchecked)]
+#[allow(
+    clippy::manual_range_contains,
+    reason = "kernels know no ranges of numbers"
+)]
 fn places_kernel(
     levels: &[u32],
     visible: &[u32],

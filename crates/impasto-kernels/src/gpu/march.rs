@@ -277,6 +277,7 @@ fn count_kernel(
 /// Where every ray's inner and outer samples begin and end, and where each volume's do. One cube:
 /// each unit adds up its rays' counts, then all those before it.
 #[cube(launch_unchecked)]
+#[allow(clippy::needless_range_loop, reason = "kernels know no iterators")]
 fn scan_kernel(
     counts: &[u32],
     spans: &mut [u32],
