@@ -18,8 +18,8 @@ use impasto_kernels::resident::{
 use impasto_kernels::{Volume, device::is_cpu};
 use std::sync::Arc;
 
-/// Rays handled together: enough to keep a large GPU busy, few enough for a small one's memory.
-const CHUNK: usize = 1 << 15;
+/// Samples handled together: enough to keep a large GPU busy, few enough for a small one's memory.
+const SAMPLES: usize = 1 << 20;
 
 /// Grids that were copied to a device.
 #[derive(Debug, Clone)]
@@ -99,6 +99,11 @@ impl Field {
         spec.fits().then_some(spec)
     }
 
+    /// Rays handled together.
+    fn rays_together(&self) -> usize {
+        (SAMPLES / self.config.sampling.samples.max(1)).max(1)
+    }
+
     fn marched(
         &self,
         rays: &RayBatch,
@@ -135,8 +140,9 @@ impl Field {
         let own = volumes(weights, [&appearances[0].inner, &appearances[0].outer]);
         let mut colours: Vec<Vec<Tensor<2>>> = vec![Vec::new(); appearances.len()];
         let mut depth = Vec::new();
-        for start in (0..rays.len()).step_by(CHUNK) {
-            let part = rays.part(start..(start + CHUNK).min(rays.len()));
+        let size = self.rays_together();
+        for start in (0..rays.len()).step_by(size) {
+            let part = rays.part(start..(start + size).min(rays.len()));
             let samples = self.marched(&part, &grids, None);
             let directions = samples.directions();
             let geometry = resident::look(&specs[0], samples, &own);
@@ -189,7 +195,7 @@ impl Field {
         let none = Tensor::zeros([1], &device);
         let own = volumes(weights, [&none, &none]);
         let (mut level, mut colours) = (Vec::new(), Vec::new());
-        let size = turn.clamp(1, CHUNK);
+        let size = turn.clamp(1, self.rays_together());
         for (chunk, start) in (0..rays.len()).step_by(size).enumerate() {
             let part = rays.part(start..(start + size).min(rays.len()));
             let samples = self.marched(&part, &grids, Some(seed.wrapping_add(chunk as u64)));

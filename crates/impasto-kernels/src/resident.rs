@@ -89,7 +89,7 @@ pub struct ResidentGrids {
 
 impl ResidentGrids {
     /// Copies grids to a GPU. Of each one only `visible` cells, one flag a cell, are ever looked at
-    /// by [`Self::places`]; without flags all are.
+    /// by [`Self::update`]; without flags all are.
     ///
     /// # Panics
     /// If the device is the CPU, or flags are not as many as cells.

@@ -208,6 +208,25 @@ fn does_not_depend_on_threads() {
     }
 }
 
+/// More rows than one axis of a GPU's grid of cubes holds.
+#[test]
+fn takes_many_points() {
+    let spec = HashGridSpec {
+        levels: 1,
+        features: 1,
+        log2_entries: 6,
+        coarsest: 4.0,
+        finest: 4.0,
+    };
+    let table = numbers(3, spec.params(), -1.0..1.0);
+    let some = points(1000);
+    let (few, all) = (&some[..300], some.repeat(8500));
+    let wanted = hash_grid::forward(&spec, few, &table);
+    let found = hash_grid::forward(&spec, &all, &table);
+    assert_eq!(found.len(), 8_500_000);
+    assert_eq!(found[found.len() - 1000..][..100], wanted);
+}
+
 #[test]
 fn takes_views_of_larger_tensors() {
     let spec = spec(2);

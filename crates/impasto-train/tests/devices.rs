@@ -5,12 +5,51 @@ mod common;
 use burn::tensor::Device;
 use common::*;
 use impasto_kernels::device::{is_cpu, tested};
-use impasto_scene::Split;
-use impasto_train::{Model, train};
+use impasto_scene::builtin::{BuiltinOptions, write_capture};
+use impasto_scene::{LoadOptions, Split, load};
+use impasto_train::{Budget, Clock, GeometryStage, Model, train};
 
 /// Largest difference of a channel between devices, and the share of pixels that keep to it.
 const DIFFERENCE: f32 = 2.0 / 255.0;
 const SHARE: f64 = 0.999;
+
+/// The loss of the last step but a few, of a geometry stage on one photo.
+fn last_loss(device: &Device) -> f64 {
+    let dir = tempfile::tempdir().unwrap();
+    let options = BuiltinOptions {
+        photos: 2,
+        width: 64,
+        height: 48,
+        ..BuiltinOptions::default()
+    };
+    write_capture(dir.path(), &options).unwrap();
+    let scene = load(dir.path(), &LoadOptions::default()).unwrap();
+    let mut config = small();
+    // As many on every device.
+    config.geometry.rays = [128, 128];
+    let mut stage = GeometryStage::new(&scene, &config, 3, device);
+    // The losses of one step in sixteen come back from a GPU.
+    let mut clock = Clock::start(Budget::Steps(97));
+    let mut losses = Vec::new();
+    while !clock.is_over() {
+        losses.push(stage.step(&clock).loss);
+        clock.steps += 1;
+    }
+    let late = [64, 80, 96].map(|step| losses[step]);
+    assert!(losses[0] > 4.0 * late[2], "{losses:?}");
+    late.iter().sum::<f64>() / 3.0
+}
+
+#[test]
+fn a_device_learns_a_place_as_the_cpu_does() {
+    if is_cpu(&tested()) {
+        eprintln!("skipped: IMPASTO_DEVICE names no other device than the CPU");
+        return;
+    }
+    let [cpu, other] = [Device::flex(), tested()].map(|device| last_loss(&device));
+    // Grids are looked at in other random places.
+    assert!((other / cpu).ln().abs() < 0.4, "{other} instead of {cpu}");
+}
 
 #[test]
 fn a_model_looks_alike_on_every_device() {

@@ -1,7 +1,7 @@
 //! Hash-grid encoding: one unit a point and level, levels behind each other so that units that run
 //! together read one level's table.
 
-use super::launch::{Rows, UNITS, argument, cube, empty, extent, is_finite, zeros};
+use super::launch::{MOST_CUBES, Rows, UNITS, argument, cube, empty, extent, is_finite, zeros};
 use crate::HashGridSpec;
 use burn_cubecl::cubecl::features::AtomicUsage;
 use burn_cubecl::cubecl::ir::{ElemType, FloatKind, Type};
@@ -121,7 +121,7 @@ fn encode_kernel<N: Size>(
     #[comptime] shape: Shape,
     #[comptime] vectors: usize,
 ) {
-    let row = (CUBE_POS_X * CUBE_DIM_X + UNIT_POS_X) as usize;
+    let row = row_of_unit();
     let level = CUBE_POS_Y as usize;
     let (start, end) = extent(bounds, bound, most, bounded);
     if row >= start && row < end {
@@ -191,9 +191,17 @@ pub(crate) fn encode_into(
     }
 }
 
-/// One unit a row, levels along the second axis.
+/// One unit a row, levels along the second axis; rows that one axis does not hold go on along the
+/// third.
 fn cubes(rows: usize, levels: usize) -> CubeCount {
-    CubeCount::Static(rows.div_ceil(UNITS as usize) as u32, levels as u32, 1)
+    let cubes = rows.div_ceil(UNITS as usize);
+    let across = cubes.clamp(1, MOST_CUBES);
+    CubeCount::Static(across as u32, levels as u32, cubes.div_ceil(across) as u32)
+}
+
+#[cube]
+fn row_of_unit() -> usize {
+    ((CUBE_POS_Z * CUBE_COUNT_X + CUBE_POS_X) * CUBE_DIM_X + UNIT_POS_X) as usize
 }
 
 /// How a number is added to one that other units add to as well.
@@ -248,7 +256,7 @@ fn spread_kernel<A: Adds>(
     #[comptime] bounded: bool,
     #[comptime] shape: Shape,
 ) {
-    let row = (CUBE_POS_X * CUBE_DIM_X + UNIT_POS_X) as usize;
+    let row = row_of_unit();
     let level = CUBE_POS_Y as usize;
     let (start, end) = extent(bounds, bound, most, bounded);
     // Adding zero times what is no number would spoil entries of other points.
