@@ -12,6 +12,8 @@
 # IMPASTO_DEVICE chooses the device (gpu by default). BUDGETS (seconds of geometry stage), STEPS (of
 # the style stage), SIZE (of rendered views) and DOWNSCALE (of photos) may be set for a first try.
 set -euo pipefail
+# Numbers have points, and the tools of administrators are found.
+export LC_ALL=C PATH="$PATH:/usr/sbin:/sbin"
 
 LIMIT_MIB=64
 
@@ -26,12 +28,13 @@ pack() {
     done
     root=$(cd "$(dirname "$0")/.." && pwd)
     (cd "$root" && cargo build --locked --release --workspace --features gpu)
+    rm -rf "$bundle/scenes" "$bundle/styles" "$bundle/lib"
     mkdir -p "$bundle/scenes" "$bundle/styles" "$bundle/lib"
     strip -o "$bundle/impasto" "${CARGO_TARGET_DIR:-$root/target}/release/impasto"
     xz -f -6 "$bundle/impasto"
     # Drivers bring their own parts; the loader that finds them may be missing.
     local loader
-    loader=$(ldconfig -p | sed -n 's/.*libvulkan\.so\.1 .*=> //p' | head -n 1)
+    loader=$(ldconfig -p | sed -n 's/.*libvulkan\.so\.1 .*=> //p' | sed -n 1p)
     if [ -n "$loader" ]; then
         cp -L "$loader" "$bundle/lib/libvulkan.so.1"
     else
@@ -41,7 +44,7 @@ pack() {
         cp -rL "$scene" "$bundle/scenes/"
     done
     if [ -n "$styles" ]; then
-        find "$styles" -type f | sort | head -n 16 | while read -r painting; do
+        find "$styles" -type f | sort | sed -n '1,16p' | while read -r painting; do
             cp -L "$painting" "$bundle/styles/"
         done
     fi
@@ -127,7 +130,7 @@ $(in_units "$(number rays_per_second "$model.step")" rays/s)"
         --downscale "${DOWNSCALE:-1}" --json > "$model.json"
     for stage in geometry style; do
         last_step "$model" "$stage" > "$model.step"
-        row "paper preset, $stage stage" "$(in_units "$(number rate "$model.step")" steps/s)"
+        row "paper preset, $stage stage, compiling included" "$(in_units "$(number rate "$model.step")" steps/s)"
     done
 }
 

@@ -40,7 +40,7 @@ pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
     Budget, Device, DeviceChoice, EncoderCheck, EncoderOptions, EncoderSummary, Event, Inspiration,
-    Look, Model, ModelPhoto, ModelScene, NoDevice, Opened, Refinement, RenderedView, Stage, Stages,
-    TrainConfig, TrainError, TrainOptions, TrainSummary, cache_folder, check_encoder, is_cpu,
-    read_encoder, read_paintings, train, train_encoder,
+    LOST, Look, Model, ModelPhoto, ModelScene, NoDevice, Opened, Refinement, RenderedView, Stage,
+    Stages, TrainConfig, TrainError, TrainOptions, TrainSummary, cache_folder, check_encoder,
+    is_cpu, read_encoder, read_paintings, train, train_encoder,
 };

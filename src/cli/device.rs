@@ -41,7 +41,7 @@ impl DeviceArgs {
     }
 }
 
-/// From now on failures are the GPU's, and are told by [`guarded`].
+/// From now on failures of the GPU are told by [`guarded`].
 fn watch(name: &str) {
     if GPU.set(name.to_owned()).is_err() {
         return;
@@ -49,17 +49,31 @@ fn watch(name: &str) {
     let told = std::env::var_os("RUST_BACKTRACE").is_some();
     let default = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |failure| {
-        remember(failure);
+        if !is_the_gpus(failure) {
+            return default(failure);
+        }
+        let text = failure.payload_as_str().unwrap_or("for an unknown reason");
+        let mut first = FAILURE.lock().unwrap_or_else(PoisonError::into_inner);
+        first.get_or_insert_with(|| text.to_owned());
+        drop(first);
         if told {
             default(failure);
         }
     }));
 }
 
-fn remember(failure: &PanicHookInfo<'_>) {
-    let text = failure.payload_as_str().unwrap_or("for an unknown reason");
-    let mut first = FAILURE.lock().unwrap_or_else(PoisonError::into_inner);
-    first.get_or_insert_with(|| text.to_owned());
+/// Whether numbers cannot be read back, or the libraries gave up that reach the GPU. All else is a
+/// mistake of this program.
+fn is_the_gpus(failure: &PanicHookInfo<'_>) -> bool {
+    let lost = failure
+        .payload_as_str()
+        .is_some_and(|text| text.starts_with(impasto::LOST));
+    lost || failure.location().is_some_and(|location| {
+        let libraries = ["cubecl", "wgpu", "burn-cubecl"];
+        libraries
+            .iter()
+            .any(|library| location.file().contains(library))
+    })
 }
 
 /// Runs a command. A GPU that has no memory left or is gone ends the tensor library's work in a
@@ -67,22 +81,23 @@ fn remember(failure: &PanicHookInfo<'_>) {
 pub fn guarded<T>(run: impl FnOnce() -> Result<T, CliError>) -> Result<T, CliError> {
     // What the command was about to change is not looked at again.
     catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|failure| {
-        let Some(name) = GPU.get() else {
+        let mut first = FAILURE.lock().unwrap_or_else(PoisonError::into_inner);
+        let (Some(name), Some(reason)) = (GPU.get(), first.take()) else {
             resume_unwind(failure);
         };
-        let mut first = FAILURE.lock().unwrap_or_else(PoisonError::into_inner);
         Err(CliError::Gpu {
             name: name.clone(),
-            reason: innermost(&first.take().unwrap_or_default()).to_owned(),
+            reason: innermost(&reason).to_owned(),
         })
     })
 }
 
 /// The last cause of several that were told one below the other.
 fn innermost(failure: &str) -> &str {
-    let rest = ["", "Caused by:", "No backtrace available", "Asked at:"];
-    let mut told = failure.lines().map(str::trim);
-    told.rfind(|line| !rest.contains(line)).unwrap_or(failure)
+    let last = failure.rsplit_once("Caused by:");
+    let told = last.map_or(failure, |(_, cause)| cause);
+    let mut lines = told.lines().map(str::trim);
+    lines.find(|line| !line.is_empty()).unwrap_or(failure)
 }
 
 #[cfg(test)]
@@ -98,7 +113,10 @@ mod tests {
             innermost(failure),
             "can't allocate buffer of size: 240000000"
         );
-        assert_eq!(innermost("device lost"), "device lost");
+        assert_eq!(
+            innermost("device lost\nAsked at:\n  0: main"),
+            "device lost"
+        );
     }
 
     #[test]

@@ -11,6 +11,9 @@ use impasto_kernels::cpu::composite;
 use impasto_kernels::device::is_cpu;
 use rayon::prelude::*;
 
+/// What a failure of [`host`] begins with.
+pub const LOST: &str = "numbers cannot be read back";
+
 /// The numbers of a tensor, in row-major order.
 ///
 /// # Panics
@@ -19,7 +22,7 @@ pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     // Every tensor of this program is f32, so that a conversion never fails for its type.
     tensor
         .try_into_vec_as::<f32>()
-        .unwrap_or_else(|error| panic!("numbers cannot be read back: {error}"))
+        .unwrap_or_else(|error| panic!("{LOST}: {error}"))
 }
 
 /// Everything about a batch of rays that does not depend on the style.
@@ -337,7 +340,7 @@ pub struct Prepared {
 }
 
 /// Geometry of rays, [prepared](Geometry::prepared) for an appearance of configuration `app`
-/// without samples that contribute less than `least`, about `turn` rays at a time, and the rays'
+/// without samples that contribute less than `least` where samples are shaded, about `turn` rays at a time, and the rays'
 /// colours in the look of `photo`. No gradients.
 ///
 /// # Panics
@@ -358,14 +361,17 @@ pub fn prepare_rays(
     let parts = in_chunks(rays, &device, turn, |chunk, rays| {
         let seed = seed.wrapping_add(chunk as u64);
         let (first, geometry) = field.look_twice(weights, &rays, grids, Some(seed));
-        let geometry = geometry.contributing(least);
+        // What is merged anyway is merged as it is rendered, of all samples.
+        let prepared = |geometry: &Geometry, config: &AppearanceConfig| match config.shading {
+            Shading::Samples => geometry.contributing(least),
+            Shading::Surface => geometry.clone().prepared(config),
+        };
         let colours = photo.map(|photo| {
-            let geometry = geometry.clone().prepared(&photo.config);
+            let geometry = prepared(&geometry, &photo.config);
             geometry.paintable(&photo.config).composite(photo)
         });
-        let first = first.map(|first| first.contributing(least));
-        let levels = first.into_iter().chain([geometry]);
-        let levels: Vec<Geometry> = levels.map(|level| level.prepared(app)).collect();
+        let levels = first.iter().chain([&geometry]);
+        let levels: Vec<Geometry> = levels.map(|level| prepared(level, app)).collect();
         (levels, colours)
     });
     let (mut levels, mut colours) = (Vec::<Vec<Paintable>>::new(), Vec::new());

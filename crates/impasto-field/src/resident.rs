@@ -18,8 +18,8 @@ use impasto_kernels::resident::{
 use impasto_kernels::{Volume, device::is_cpu};
 use std::sync::Arc;
 
-/// Samples handled together: enough to keep a large GPU busy, few enough for a small one's memory.
-const SAMPLES: usize = 1 << 20;
+/// Most numbers of a tensor: 128 MiB, the largest buffer that a Vulkan device must be able to bind.
+const MOST_NUMBERS: usize = 1 << 25;
 
 /// Grids that were copied to a device.
 #[derive(Debug, Clone)]
@@ -99,9 +99,9 @@ impl Field {
         spec.fits().then_some(spec)
     }
 
-    /// Rays handled together.
-    fn rays_together(&self) -> usize {
-        (SAMPLES / self.config.sampling.samples.max(1)).max(1)
+    /// Rays handled together: as many as every device has room for, which keeps a large one busy.
+    fn rays_together(&self, spec: &ResidentSpec) -> usize {
+        (MOST_NUMBERS / spec.widest() / self.config.sampling.samples.max(1)).max(1)
     }
 
     fn marched(
@@ -140,7 +140,8 @@ impl Field {
         let own = volumes(weights, [&appearances[0].inner, &appearances[0].outer]);
         let mut colours: Vec<Vec<Tensor<2>>> = vec![Vec::new(); appearances.len()];
         let mut depth = Vec::new();
-        let size = self.rays_together();
+        let widest = specs.iter().max_by_key(|spec| spec.widest())?;
+        let size = self.rays_together(widest);
         for start in (0..rays.len()).step_by(size) {
             let part = rays.part(start..(start + size).min(rays.len()));
             let samples = self.marched(&part, &grids, None);
@@ -195,7 +196,7 @@ impl Field {
         let none = Tensor::zeros([1], &device);
         let own = volumes(weights, [&none, &none]);
         let (mut level, mut colours) = (Vec::new(), Vec::new());
-        let size = turn.clamp(1, self.rays_together());
+        let size = turn.clamp(1, self.rays_together(&spec));
         for (chunk, start) in (0..rays.len()).step_by(size).enumerate() {
             let part = rays.part(start..(start + size).min(rays.len()));
             let samples = self.marched(&part, &grids, Some(seed.wrapping_add(chunk as u64)));

@@ -325,7 +325,7 @@ fn a_patch_is_painted_as_it_is_rendered() {
     let all = many_rays();
     // One group of rays on every device, so that samples lie in the same places.
     let all = all.part(0..128);
-    let prepared = prepare_rays(parts, None, (&settings, 0.0, usize::MAX), &all, 7);
+    let prepared = prepare_rays(parts, None, (&settings, 5e-3, usize::MAX), &all, 7);
     let patch = host(prepared.levels[0][0].composite(&style));
     let geometry = field.look(&weights, &all, &grids, Some(7));
     let alone = host(

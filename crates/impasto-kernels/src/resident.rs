@@ -46,6 +46,13 @@ impl ResidentSpec {
         let networks = self.volumes.iter().flat_map(|v| [&v.base, &v.geo, &v.app]);
         networks.into_iter().all(mlp::fits)
     }
+
+    /// Most numbers of a sample in one tensor.
+    pub fn widest(&self) -> usize {
+        let networks = self.volumes.iter().flat_map(|v| [&v.base, &v.geo, &v.app]);
+        let widths = networks.flat_map(|network| [network.inputs(), network.outputs()]);
+        widths.max().unwrap_or(1).max(4)
+    }
 }
 
 fn primitive<const D: usize>(tensor: Tensor<D>) -> CubeTensor {

@@ -252,8 +252,12 @@ impl Perceptual {
     }
 
     fn check(&self, image: &[f32], height: usize, width: usize) -> Result<(), StyleError> {
-        // An image of another length than it says has fewer pixels, too.
-        let height = height.min(image.len() / (3 * width.max(1)));
+        // Of an image of another length than it says nothing can be seen.
+        let height = if image.len() == height * width * 3 {
+            height
+        } else {
+            0
+        };
         self.check_size(height, width)
     }
 

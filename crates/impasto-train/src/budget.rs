@@ -21,6 +21,38 @@ impl Budget {
     }
 }
 
+/// When to look at what a GPU has computed: seldom, since that waits for all of it, and often enough
+/// that a budget in seconds holds, since the host runs ahead.
+#[derive(Debug)]
+pub(crate) struct Looks {
+    steps: u64,
+    last: Instant,
+}
+
+impl Looks {
+    /// Most steps, and the longest time, between two looks.
+    const EVERY: (u64, Duration) = (16, Duration::from_millis(250));
+
+    pub(crate) fn new() -> Self {
+        Self {
+            steps: 0,
+            last: Instant::now(),
+        }
+    }
+
+    /// Counts a step; whether it is one to look at: the first one is.
+    pub(crate) fn due(&mut self) -> bool {
+        let due = self.steps.is_multiple_of(Self::EVERY.0) || self.last.elapsed() > Self::EVERY.1;
+        self.steps = if due { 1 } else { self.steps + 1 };
+        due
+    }
+
+    /// A look is over.
+    pub(crate) fn done(&mut self) {
+        self.last = Instant::now();
+    }
+}
+
 /// A running budget.
 #[derive(Debug, Clone)]
 pub struct Clock {

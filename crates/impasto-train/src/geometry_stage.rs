@@ -1,6 +1,8 @@
 //! Photos → field (PAPER §4).
 
 use crate::budget::Clock;
+#[cfg(feature = "gpu")]
+use crate::budget::Looks;
 use crate::config::{GeometryConfig, TrainConfig};
 use crate::model_file::ModelFile;
 use crate::painted::add_gradients;
@@ -43,11 +45,7 @@ pub struct GeometryStage {
     step: u64,
 }
 
-/// Steps between two looks at the loss of a GPU that trains on its own: often enough that a budget
-/// in seconds holds, since the host runs ahead.
-#[cfg(feature = "gpu")]
-const READ_EVERY: u64 = 16;
-/// How many times as many rays a step a GPU gets: fewer do not keep it busy.
+/// How many times as many rays a step a GPU gets: fewer do not keep it busy. A guess.
 #[cfg(feature = "gpu")]
 const GPU_RAYS: usize = 8;
 
@@ -55,6 +53,7 @@ const GPU_RAYS: usize = 8;
 #[cfg(feature = "gpu")]
 struct Resident {
     training: impasto_field::resident::ResidentTraining,
+    looks: Looks,
     /// As of the last look.
     loss: f64,
 }
@@ -65,7 +64,7 @@ impl Resident {
     fn new(stage: &GeometryStage, device: &Device) -> Option<Self> {
         use impasto_field::resident::ResidentTraining;
         // More rays than may be looked at together are a matter for the host.
-        if stage.config.rays[1] > stage.config.rays_at_once {
+        if stage.rays_of(stage.config.samples * GPU_RAYS) > stage.config.rays_at_once {
             return None;
         }
         let app = &stage.levels[0].app_config;
@@ -73,6 +72,7 @@ impl Resident {
         let training = ResidentTraining::new(&stage.field, app, grids, device)?;
         Some(Self {
             training,
+            looks: Looks::new(),
             loss: f64::NAN,
         })
     }
@@ -285,11 +285,16 @@ impl GeometryStage {
         StepReport { loss, rays }
     }
 
-    /// Rays for about so many samples, some of them to known surfaces.
-    fn drawn(&mut self, samples: usize) -> Targets {
+    /// Rays that have about so many samples.
+    fn rays_of(&self, samples: usize) -> usize {
         let [fewest, most] = self.config.rays;
         let per_ray = self.field.config.samples().max(1);
-        let rays = (samples / per_ray).clamp(fewest, most);
+        (samples / per_ray).clamp(fewest, most)
+    }
+
+    /// Rays for about so many samples, some of them to known surfaces.
+    fn drawn(&mut self, samples: usize) -> Targets {
+        let rays = self.rays_of(samples);
         let known = if self.surfaces.is_empty() {
             0
         } else {
@@ -323,10 +328,11 @@ impl GeometryStage {
         let near = [table, base, geo].into_iter();
         let gradients = near.chain([far_table, far_base, far_geo, app, far_app]);
         self.descend_along(0, gradients.map(Some), progress);
-        if self.step.is_multiple_of(READ_EVERY)
+        if resident.looks.due()
             && let [_, error] = host(descent.loss)[..]
         {
             resident.loss = f64::from(error);
+            resident.looks.done();
         }
         self.step += 1;
         StepReport {

@@ -39,6 +39,7 @@ pub use encoder::{
 pub use error::TrainError;
 pub use event::{Event, Stage};
 pub use geometry_stage::{GeometryStage, StepReport};
+pub use impasto_field::render::LOST;
 pub use impasto_kernels::device::{DeviceChoice, NoDevice, Opened, is_cpu};
 pub use model::{Inspiration, Look, Model, RenderedView};
 pub use model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};

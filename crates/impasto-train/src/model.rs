@@ -24,7 +24,7 @@ pub struct Model {
     device: Device,
     encoder: std::sync::OnceLock<Encoder>,
     /// Rays through the training views, on which looks are measured.
-    sample: std::sync::OnceLock<Option<Paintable>>,
+    sample: std::sync::OnceLock<Vec<Paintable>>,
 }
 
 struct Encoder {
@@ -180,14 +180,18 @@ impl Model {
         trust: f32,
     ) -> Option<Recolouring> {
         let sample = self.sample.get_or_init(|| self.sample(&appearance.config));
-        let colours = host(sample.as_ref()?.composite(appearance));
+        let colours = sample.iter().map(|part| host(part.composite(appearance)));
+        let colours = colours.collect::<Vec<_>>().concat();
+        if colours.is_empty() {
+            return None;
+        }
         let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
         let found = Palette::of(pixels.iter().map(|pixel| &pixel[..3]));
         Some(found.recolouring(palette).softened(trust))
     }
 
-    /// Geometry of a grid of rays through the training views; `None` if there are none.
-    fn sample(&self, config: &AppearanceConfig) -> Option<Paintable> {
+    /// A grid of rays through the training views, in parts; none if there are no views.
+    fn sample(&self, config: &AppearanceConfig) -> Vec<Paintable> {
         let photos = &self.file.scene.photos;
         let cameras: Vec<_> = photos.iter().filter(|p| p.split == Split::Train).collect();
         let mut rays = RayBatch::default();
@@ -200,10 +204,10 @@ impl Model {
         }
         let parts = (&self.field, &self.file.weights, &self.file.grids);
         if rays.is_empty() {
-            return None;
+            return Vec::new();
         }
         let mut prepared = prepare_rays(parts, None, (config, 0.0, rays.len()), &rays, 0);
-        prepared.levels.pop()?.pop()
+        prepared.levels.pop().unwrap_or_default()
     }
 
     /// The photo's own look.

@@ -1,13 +1,12 @@
 //! Looks that go on learning from their own painting.
 
-use crate::budget::{Budget, Clock};
+use crate::budget::{Budget, Clock, Looks};
 use crate::config::{ContentTarget, StyleConfig};
 use crate::model::{Inspiration, Look, Model};
 use crate::objective::Objective;
 use crate::painted;
 use crate::patches::{Frozen, PatchPool};
 use crate::rays::{CameraRays, PhotoRays};
-use crate::style_stage::READ_EVERY;
 use crate::styles::{statistics, window_statistics};
 use burn::tensor::Tensor;
 use image::RgbImage;
@@ -129,7 +128,7 @@ impl<'a> Refinement<'a> {
         progress: &mut dyn FnMut(f64),
     ) -> Result<Appearance, StyleError> {
         let mut params = [&first.inner, &first.outer].map(|w| AdamParam::new(w.clone()));
-        let mut clock = Clock::start(budget);
+        let (mut clock, mut looks) = (Clock::start(budget), Looks::new());
         while !clock.is_over() {
             let patch = self.patches.draw(&self.vgg, &mut self.rng)?;
             // What is rendered is the last level.
@@ -164,9 +163,9 @@ impl<'a> Refinement<'a> {
                 }
             }
             clock.steps += 1;
-            // A host that ran ahead of its GPU would not know when time is over.
-            if clock.steps.is_multiple_of(READ_EVERY) {
+            if looks.due() {
                 host(value);
+                looks.done();
             }
             progress(clock.progress());
         }

@@ -1,7 +1,7 @@
 //! Paintings → hypernetwork (PAPER §6–8). Geometry is frozen: samples, weights and features
 //! depend on the camera only.
 
-use crate::budget::Clock;
+use crate::budget::{Clock, Looks};
 use crate::config::TrainConfig;
 use crate::objective::{Losses, Objective, StyleReport, difference};
 use crate::painted;
@@ -81,14 +81,10 @@ pub struct StyleStage {
     device: Device,
     /// Updates with perceptual losses so far.
     updates: u64,
-    /// Steps so far, and what was last seen of one.
-    steps: u64,
+    /// When a GPU's losses are looked at, and what was last seen.
+    looks: Looks,
     seen: StyleReport,
 }
-
-/// Steps between two looks at the losses on a GPU: often enough that a budget in seconds holds,
-/// since the host runs ahead.
-pub(crate) const READ_EVERY: u64 = 16;
 
 impl StyleStage {
     /// Prepares training on frozen geometry.
@@ -131,7 +127,7 @@ impl StyleStage {
             rng,
             device: device.clone(),
             updates: 0,
-            steps: 0,
+            looks: Looks::new(),
             seen: StyleReport::default(),
         }
     }
@@ -187,8 +183,7 @@ impl StyleStage {
         }
         let styled = self.updates > self.config.style.style_warmup;
         // Every level has a loss of its own; the field's, which is rendered, is the last.
-        let looks_at = is_cpu(&self.device) || self.steps.is_multiple_of(READ_EVERY);
-        self.steps += 1;
+        let looks_at = self.looks.due() || is_cpu(&self.device);
         let mut report = StyleReport {
             rays: patch.rays(),
             ..self.seen
@@ -218,6 +213,9 @@ impl StyleStage {
         let canvas = model.canvas.iter().flat_map(|c| [&c.inner, &c.outer]);
         let canvas: Vec<_> = canvas.map(&mut taken).collect();
         self.seen = report;
+        if looks_at {
+            self.looks.done();
+        }
         // Adam works in place only on what nobody else holds.
         drop((model, looks));
         let (rate, canvas_rate) = self.rates(clock);

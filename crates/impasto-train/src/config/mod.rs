@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GeometryConfig {
-    /// Samples a step aims for; the number of rays follows from it.
+    /// Samples a step aims for; the number of rays follows from it. A GPU that trains on its own takes
+    /// eight times as many, within the bounds of `rays`.
     pub samples: usize,
     /// Fewest and most rays a step.
     pub rays: [usize; 2],
