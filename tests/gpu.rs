@@ -33,14 +33,10 @@ fn no_memory_left_is_a_sentence() {
         .unwrap();
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{message}");
-    let errors: Vec<&str> = message
-        .lines()
-        .filter(|l| l.starts_with("error: "))
-        .collect();
+    // Drivers have errors of their own to tell, of displays that are not there.
+    let told = "error: computing on ";
+    let errors: Vec<&str> = message.lines().filter(|l| l.starts_with(told)).collect();
     assert_eq!(errors.len(), 1, "{message}");
-    assert!(
-        errors[0].starts_with("error: computing on ") && errors[0].contains("--device cpu"),
-        "{message}"
-    );
+    assert!(errors[0].contains("--device cpu"), "{message}");
     assert!(!message.contains("panicked"), "{message}");
 }
