@@ -139,5 +139,5 @@ $(in_units "$(number rays_per_second "$model.step")" rays/s)"
 case ${1:-} in
     pack) shift; pack "$@" ;;
     run) shift; run "$@" ;;
-    *) sed -n '2,15p' "$0"; exit 2 ;;
+    *) sed -n '2,14p' "$0"; exit 2 ;;
 esac
