@@ -69,7 +69,7 @@ fn is_the_gpus(failure: &PanicHookInfo<'_>) -> bool {
         .payload_as_str()
         .is_some_and(|text| text.starts_with(impasto::LOST));
     lost || failure.location().is_some_and(|location| {
-        let libraries = ["cubecl", "wgpu", "burn-cubecl"];
+        let libraries = ["cubecl", "wgpu"];
         libraries
             .iter()
             .any(|library| location.file().contains(library))

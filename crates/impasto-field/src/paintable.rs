@@ -181,7 +181,8 @@ impl Paintable {
     /// composites.
     ///
     /// # Shapes
-    /// Result: `[rays, 6]` = RGB, opacity, Σ weight·depth, distortion.
+    /// Result: `[rays, 6]` = RGB, opacity, Σ weight·depth, distortion; the last two are zero for
+    /// samples that were merged on a GPU, whose depths stay there.
     pub fn composite(&self, appearance: &Appearance) -> Tensor<2> {
         self.composite_colours(self.colours(appearance, None))
     }

@@ -10,6 +10,7 @@ use impasto_kernels::CompositeLayout;
 use impasto_kernels::cpu::composite;
 use impasto_kernels::device::is_cpu;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// What a failure of [`host`] begins with.
 pub const LOST: &str = "numbers cannot be read back";
@@ -362,15 +363,16 @@ pub fn prepare_rays(
         let seed = seed.wrapping_add(chunk as u64);
         let (first, geometry) = field.look_twice(weights, &rays, grids, Some(seed));
         // What is merged anyway is merged as it is rendered, of all samples.
-        let prepared = |geometry: &Geometry, config: &AppearanceConfig| match config.shading {
+        let prepared = |geometry: Cow<'_, Geometry>, config: &AppearanceConfig| match config.shading
+        {
             Shading::Samples => geometry.contributing(least),
-            Shading::Surface => geometry.clone().prepared(config),
+            Shading::Surface => geometry.into_owned().prepared(config),
         };
         let colours = photo.map(|photo| {
-            let geometry = prepared(&geometry, &photo.config);
+            let geometry = prepared(Cow::Borrowed(&geometry), &photo.config);
             geometry.paintable(&photo.config).composite(photo)
         });
-        let levels = first.iter().chain([&geometry]);
+        let levels = first.into_iter().chain([geometry]).map(Cow::Owned);
         let levels: Vec<Geometry> = levels.map(|level| prepared(level, app)).collect();
         (levels, colours)
     });

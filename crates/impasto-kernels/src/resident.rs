@@ -482,16 +482,6 @@ pub fn look(
 }
 
 impl ResidentGeometry {
-    /// Density of each sample.
-    pub fn densities(&self) -> Tensor<1> {
-        tensor(self.density.clone())
-    }
-
-    /// Samples.
-    pub fn samples(&self) -> &ResidentSamples {
-        &self.samples
-    }
-
     /// Shades every sample and composites: `[rays, 6]` as of [`crate::ops::composite`]. `volumes`
     /// say the layers of `app`, `apps` its parameters, `views` are the rays' encoded views, `[rays,
     /// …]`, where `app` sees them.

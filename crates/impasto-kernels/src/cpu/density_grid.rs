@@ -234,7 +234,7 @@ impl WithSimd for Settle<'_> {
 }
 
 /// Opacity of one cell's width; NaN stays NaN.
-pub(crate) fn opacity(density: f32, resolution: usize) -> f32 {
+fn opacity(density: f32, resolution: usize) -> f32 {
     let density = if density < 0.0 { 0.0 } else { density };
     1.0 - exp(-density / resolution as f32)
 }
