@@ -235,10 +235,10 @@ impl GeometryStage {
 
     fn current_grids(&self) -> Grids {
         #[cfg(feature = "gpu")]
-        let found = self.resident.as_ref().and_then(|r| r.training.grids());
-        #[cfg(not(feature = "gpu"))]
-        let found = None;
-        found.unwrap_or_else(|| self.grids.clone())
+        if let Some(grids) = self.resident.as_ref().and_then(|r| r.training.grids()) {
+            return grids;
+        }
+        self.grids.clone()
     }
 
     /// One optimiser step.
