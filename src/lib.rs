@@ -21,6 +21,7 @@
 //!     format: None,
 //!     seed: 0,
 //!     device: impasto::DeviceChoice::Auto.open()?.device,
+//!     recovery: impasto::Recovery::default(),
 //! };
 //! let summary = train(&options, &mut |_event| ())?;
 //!
@@ -40,7 +41,8 @@ pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
     Budget, Device, DeviceChoice, EncoderCheck, EncoderOptions, EncoderSummary, Event, Inspiration,
-    LOST, Look, Model, ModelPhoto, ModelScene, NoDevice, Opened, Refinement, RenderedView, Stage,
-    Stages, TrainConfig, TrainError, TrainOptions, TrainSummary, cache_folder, check_encoder,
-    is_cpu, read_encoder, read_paintings, train, train_encoder,
+    LOST, Look, Model, ModelPhoto, ModelScene, NoDevice, Opened, Recovery, Refinement,
+    RenderedView, Stage, Stages, Stop, TrainConfig, TrainError, TrainOptions, TrainSummary,
+    Unfinished, cache_folder, check_encoder, is_cpu, read_encoder, read_paintings, train,
+    train_encoder,
 };

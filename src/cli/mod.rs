@@ -7,6 +7,7 @@ mod device;
 mod error;
 mod eval;
 mod info;
+mod interrupt;
 mod methods;
 mod progress;
 mod render;
@@ -24,6 +25,7 @@ pub use error::CliError;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use impasto::TrainError;
 use serde_json::Value;
 
 /// Photos of a place become a 3-D scene that can be repainted with any painting
@@ -82,7 +84,12 @@ pub fn main() -> ExitCode {
         Ok(answer) if cli.json => console::result(&answer.json.to_string()),
         Ok(answer) => console::result(&answer.text),
         Err(error) => {
-            console::error(&error);
+            match &error {
+                CliError::Train(TrainError::Stopped { .. }) => {
+                    console::note(format_args!("{error}:\n  {}", run_facts::resuming()));
+                }
+                _ => console::error(&error),
+            }
             return error.exit_code();
         }
     }

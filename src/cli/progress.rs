@@ -210,6 +210,14 @@ fn sentence(event: &Event) -> Option<String> {
         } => {
             format!("step {step}: PSNR {psnr:.2} dB, SSIM {ssim:.3} on {views} held-out views")
         }
+        Event::Resumed {
+            stage,
+            step,
+            seconds,
+        } => format!(
+            "resumed at step {step} of the {stage} stage, {} into the run",
+            clock(*seconds)
+        ),
         Event::Warning { message } => format!("warning: {message}"),
         Event::Done { seconds } => format!("trained in {}", clock(*seconds)),
         _ => return None,

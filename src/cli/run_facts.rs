@@ -15,6 +15,16 @@ pub fn command() -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
+/// The command that goes on where this one was stopped.
+pub fn resuming() -> String {
+    const FLAG: &str = "--resume";
+    let given = std::env::args_os().any(|word| word == FLAG);
+    match command() {
+        command if given => command,
+        command => format!("{command} {FLAG}"),
+    }
+}
+
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./,:=+@%[]".contains(c);
     match !word.is_empty() && word.chars().all(plain) {

@@ -5,11 +5,14 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use impasto::scene::Format;
-use impasto::{Budget, Stages, TrainConfig, TrainOptions, TrainSummary, cache_folder, train};
+use impasto::{
+    Budget, Recovery, Stages, TrainConfig, TrainOptions, TrainSummary, Unfinished, cache_folder,
+    train,
+};
 
 use super::device::DeviceArgs;
-use super::values::{clock, duration};
-use super::{Answer, CliError, progress, settings};
+use super::values::{clock, duration, interval};
+use super::{Answer, CliError, interrupt, progress, settings};
 use crate::output::check_folder;
 
 /// Learn a scene from posed photos, and to repaint it from paintings
@@ -46,6 +49,12 @@ pub struct TrainArgs {
     /// TOML or JSON file with settings that differ from the preset's
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Go on with the interrupted run that MODEL holds; without one, begin
+    #[arg(long)]
+    resume: bool,
+    /// Time between two checkpoints, from which --resume goes on; 0s for one after each step
+    #[arg(long, value_name = "TIME", default_value = "2m", value_parser = interval)]
+    checkpoint_every: Duration,
     #[command(flatten)]
     device: DeviceArgs,
     /// One setting, e.g. style.style_weight=30; after the file's; may be repeated
@@ -126,6 +135,15 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
         format: args.format,
         seed: args.seed,
         device: args.device.open()?,
+        recovery: Recovery {
+            unfinished: if args.resume {
+                Unfinished::Resume
+            } else {
+                Unfinished::Keep
+            },
+            every: args.checkpoint_every,
+            stop: interrupt::stop(),
+        },
     };
     let summary = watched(&options)?;
     Ok(Answer {

@@ -7,8 +7,31 @@ use std::time::Duration;
 /// Longest side that can be asked for, in pixels.
 const LONGEST_SIDE: u32 = 16_384;
 
-/// Reads `90s`, `10m`, `1.5h` or `1h30m`.
+/// Reads `90s`, `10m`, `1.5h` or `1h30m`: at least a second.
 pub fn duration(text: &str) -> Result<Duration, String> {
+    let seconds = seconds(text)?;
+    // The upper end keeps the conversion from overflowing: more than a century.
+    if !(1.0..4e9).contains(&seconds) {
+        return Err(format!(
+            "\"{text}\" is not a usable duration; give at least 1s"
+        ));
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}
+
+/// Reads what [`duration`] does, and shorter ones down to `0s`.
+pub fn interval(text: &str) -> Result<Duration, String> {
+    let seconds = seconds(text)?;
+    if seconds >= 4e9 {
+        return Err(format!("\"{text}\" is too long"));
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    if text.is_empty() {
+        return Err("give a duration like 90s, 10m or 1h30m".into());
+    }
     let wrong = || format!("\"{text}\" is not a duration; write it like 90s, 10m or 1h30m");
     let mut seconds = 0.0;
     let mut rest = text;
@@ -26,13 +49,7 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         seconds += number * unit;
         rest = &rest[digits + 1..];
     }
-    // The upper end keeps the conversion from overflowing: more than a century.
-    if !(1.0..4e9).contains(&seconds) {
-        return Err(format!(
-            "\"{text}\" is not a usable duration; give at least 1s"
-        ));
-    }
-    Ok(Duration::from_secs_f64(seconds))
+    Ok(seconds)
 }
 
 /// Seconds as `m:ss` or `h:mm:ss`; `–` when unknown.
@@ -132,6 +149,17 @@ mod tests {
             "99999999999h",
         ] {
             assert!(duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn intervals_may_be_nothing() {
+        let seconds = |text| interval(text).map(|d| d.as_secs_f64());
+        assert_eq!(seconds("0s"), Ok(0.0));
+        assert_eq!(seconds("0.25s"), Ok(0.25));
+        assert_eq!(seconds("2m"), Ok(120.0));
+        for wrong in ["", "2", "-1s", "1e9h", "99999999999h"] {
+            assert!(interval(wrong).is_err(), "{wrong}");
         }
     }
 

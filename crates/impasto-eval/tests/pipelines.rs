@@ -10,7 +10,7 @@ use impasto_kernels::device::tested;
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::paths::orbit;
 use impasto_scene::{Camera, Split};
-use impasto_train::{Budget, Model, Stages, TrainConfig, TrainOptions, train};
+use impasto_train::{Budget, Model, Recovery, Stages, TrainConfig, TrainOptions, train};
 
 struct Whitewash;
 
@@ -69,6 +69,7 @@ fn tiny_model() -> Model {
         format: None,
         seed: 1,
         device: tested(),
+        recovery: Recovery::default(),
     };
     train(&options, &mut |_| ()).unwrap();
     Model::load(&options.output).unwrap()

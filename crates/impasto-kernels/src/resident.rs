@@ -123,12 +123,15 @@ impl ResidentGrids {
         Self { cells, visible }
     }
 
-    /// The grids as they are now, on the host.
+    /// The grids as they are now, on the host, with what was observed.
     pub fn read(&self) -> [Option<DensityGrid>; 2] {
         self.cells.each_ref().map(|cells| {
             let levels = Tensor::<1, Int>::from_primitive::<CubeBackend>(cells.levels.clone());
             let levels = levels.try_into_vec_as::<u32>().ok()?;
-            DensityGrid::from_levels(levels.into_iter().map(|level| level as u8).collect())
+            let opacity = Tensor::<1>::from_primitive::<CubeBackend>(cells.opacity.clone());
+            let opacity = opacity.try_into_vec_as::<f32>().ok()?;
+            DensityGrid::from_levels(levels.into_iter().map(|level| level as u8).collect())?
+                .with_observed(opacity)
         })
     }
 

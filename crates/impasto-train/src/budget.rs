@@ -1,9 +1,10 @@
 //! How long to train, and how far along that is.
 
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// A limit on time or on steps.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Budget {
     /// Wall time.
     Time(Duration),
@@ -53,11 +54,32 @@ impl Looks {
     }
 }
 
+/// Time that something takes, in several parts.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stopwatch {
+    earlier: Duration,
+    since: Instant,
+}
+
+impl Stopwatch {
+    /// Goes on now, after parts that took this long.
+    pub(crate) fn after(earlier: Duration) -> Self {
+        Self {
+            earlier,
+            since: Instant::now(),
+        }
+    }
+
+    pub(crate) fn elapsed(&self) -> Duration {
+        self.earlier + self.since.elapsed()
+    }
+}
+
 /// A running budget.
 #[derive(Debug, Clone)]
 pub struct Clock {
     budget: Budget,
-    start: Instant,
+    watch: Stopwatch,
     /// Steps finished.
     pub steps: u64,
 }
@@ -65,17 +87,27 @@ pub struct Clock {
 impl Clock {
     /// Starts now.
     pub fn start(budget: Budget) -> Self {
+        Self::resumed(budget, Duration::ZERO, 0)
+    }
+
+    /// Goes on now, after steps that took this long.
+    pub(crate) fn resumed(budget: Budget, earlier: Duration, steps: u64) -> Self {
         Self {
             budget,
-            start: Instant::now(),
-            steps: 0,
+            watch: Stopwatch::after(earlier),
+            steps,
         }
+    }
+
+    /// Time since the start, without interruptions.
+    pub(crate) fn elapsed(&self) -> Duration {
+        self.watch.elapsed()
     }
 
     /// Part of the budget that is used, in `[0, 1]`.
     pub fn progress(&self) -> f64 {
         let used = match self.budget {
-            Budget::Time(time) => self.start.elapsed().as_secs_f64() / time.as_secs_f64().max(1e-9),
+            Budget::Time(time) => self.seconds() / time.as_secs_f64().max(1e-9),
             Budget::Steps(steps) => self.steps as f64 / steps.max(1) as f64,
         };
         used.min(1.0)
@@ -88,7 +120,7 @@ impl Clock {
 
     /// Seconds since the start.
     pub fn seconds(&self) -> f64 {
-        self.start.elapsed().as_secs_f64()
+        self.elapsed().as_secs_f64()
     }
 
     /// Estimated seconds until the budget is used up.

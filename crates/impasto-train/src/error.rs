@@ -1,4 +1,6 @@
-use std::path::PathBuf;
+use crate::checkpoint::CHECKPOINT_FILE;
+use crate::event::Stage;
+use std::path::{Path, PathBuf};
 
 /// Why a run could not start or go on.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +18,59 @@ pub enum TrainError {
         path: PathBuf,
         /// Why.
         reason: String,
+    },
+    /// A checkpoint cannot be used.
+    #[error("{}: {reason}; remove it to start over", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// Another process writes to the model folder.
+    #[error(
+        "{}: another run (process {process}) is training this model; wait for its end or choose another output",
+        folder.display()
+    )]
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+        /// The other process's number.
+        process: String,
+    },
+    /// The output folder holds a run that is not finished.
+    #[error(
+        "{}: holds a run that was interrupted after {steps} steps of its {stage} stage; go on with --resume, or remove {CHECKPOINT_FILE} there to start over",
+        folder.display()
+    )]
+    Unfinished {
+        /// The folder.
+        folder: PathBuf,
+        /// The stage that it is in.
+        stage: Stage,
+        /// Steps of that stage.
+        steps: u64,
+    },
+    /// What is to go on is another run.
+    #[error("{}: cannot be resumed with these arguments: the run there {difference}", folder.display())]
+    Resume {
+        /// The folder.
+        folder: PathBuf,
+        /// What differs, as the end of a sentence about the run there.
+        difference: String,
+    },
+    /// Somebody asked for the end of the run.
+    #[error(
+        "stopped after {steps} steps of the {stage} stage, which are kept in {}; go on with --resume",
+        folder.display()
+    )]
+    Stopped {
+        /// The model folder.
+        folder: PathBuf,
+        /// The stage that it is in.
+        stage: Stage,
+        /// Steps of that stage.
+        steps: u64,
     },
     /// A model file cannot be used.
     #[error("{}: {reason}", path.display())]
@@ -65,4 +120,13 @@ pub enum TrainError {
         /// Height of a patch.
         least_height: usize,
     },
+}
+
+impl TrainError {
+    pub(crate) fn write(path: &Path, error: &std::io::Error) -> Self {
+        Self::Write {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! What training tells the world. Bars, the JSON log and the studio only consume this.
 
 use serde::Serialize;
+use std::fmt;
 use std::path::PathBuf;
 
 /// Which of the two trainings.
@@ -11,6 +12,15 @@ pub enum Stage {
     Geometry,
     /// Paintings → hypernetwork (PAPER §8).
     Style,
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Geometry => "geometry",
+            Self::Style => "style",
+        })
+    }
 }
 
 /// One thing that happened.
@@ -48,6 +58,15 @@ pub enum Event {
         steps: u64,
         /// Smoothed mean squared error of the rebuilt statistics, in units of their variance.
         error: f64,
+    },
+    /// An interrupted run goes on, in a stage that has already begun.
+    Resumed {
+        /// Which.
+        stage: Stage,
+        /// Its steps so far.
+        step: u64,
+        /// Seconds that the run has taken so far.
+        seconds: f64,
     },
     /// A stage begins.
     StageStarted {
@@ -95,7 +114,7 @@ pub enum Event {
         /// File.
         path: PathBuf,
     },
-    /// The model was written.
+    /// The model was written, or what an interrupted run would go on from.
     Checkpoint {
         /// File.
         path: PathBuf,

@@ -3,8 +3,9 @@
 use crate::budget::Clock;
 #[cfg(feature = "gpu")]
 use crate::budget::Looks;
+use crate::checkpoint::{adam_entries, grid_entries, restore_adam, restored_grid};
 use crate::config::{GeometryConfig, TrainConfig};
-use crate::model_file::ModelFile;
+use crate::model_file::{Entry, ModelFile, Reader};
 use crate::painted::add_gradients;
 use crate::rays::{KnownSurface, PhotoRays, Targets, draw};
 use burn::tensor::{Device, Tensor};
@@ -19,6 +20,7 @@ use impasto_kernels::ops::AdamParam;
 use impasto_scene::{Camera, Photo, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
@@ -78,6 +80,15 @@ impl Resident {
     }
 }
 
+/// What a checkpoint keeps of the stage beside its tensors.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct GeometryProgress {
+    rng: Pcg64,
+    step: u64,
+    /// Of each parameter.
+    adam: Vec<u32>,
+}
+
 /// What one step did.
 #[derive(Debug, Clone, Copy)]
 pub struct StepReport {
@@ -132,6 +143,12 @@ impl Params {
             outer: branch(&self.branches[1]),
             coarse: None,
         }
+    }
+
+    /// Every parameter, in the order of [`Self::all_mut`].
+    fn all(&self) -> impl Iterator<Item = &AdamParam> {
+        let branches = self.branches.iter().flatten();
+        branches.chain(&self.app).chain(&self.latent)
     }
 
     /// Every parameter, and whether it is an encoding's table.
@@ -231,6 +248,40 @@ impl GeometryStage {
         let coarse = levels.next().map(|level| level.weights(AdamParam::value));
         weights.coarse = coarse.map(Box::new);
         (weights, self.current_grids(), app)
+    }
+
+    /// All that [`Self::restore`] needs to go on as if nothing had been.
+    pub(crate) fn progress(&self) -> (GeometryProgress, Vec<Entry>) {
+        let (adam, mut entries) = adam_entries(self.levels.iter().flat_map(Params::all));
+        let grids = self.current_grids();
+        entries.extend(grid_entries("inner", grids.inner()));
+        entries.extend(grid_entries("outer", grids.outer()));
+        let progress = GeometryProgress {
+            rng: self.rng.clone(),
+            step: self.step,
+            adam,
+        };
+        (progress, entries)
+    }
+
+    /// Goes on where a stage of the same scene and settings was.
+    pub(crate) fn restore(
+        &mut self,
+        progress: &GeometryProgress,
+        from: &Reader<'_>,
+    ) -> Result<(), String> {
+        let params = self.levels.iter_mut().flat_map(Params::all_mut);
+        restore_adam(params.map(|(param, _)| param), &progress.adam, from)?;
+        let inner = restored_grid("inner", self.grids.inner(), from)?;
+        let outer = restored_grid("outer", self.grids.outer(), from)?;
+        self.grids = Grids::new(inner, outer);
+        self.rng = progress.rng.clone();
+        self.step = progress.step;
+        #[cfg(feature = "gpu")]
+        {
+            self.resident = Resident::new(self, from.device);
+        }
+        Ok(())
     }
 
     fn current_grids(&self) -> Grids {

@@ -21,6 +21,17 @@ impl Hash {
         }))
     }
 
+    /// Of this and more bytes, eight at a time, for what is large.
+    pub(crate) fn with_words(self, bytes: &[u8]) -> Self {
+        let (words, rest) = bytes.as_chunks::<8>();
+        let hash = words.iter().fold(self.0, |hash, word| {
+            (hash ^ u64::from_le_bytes(*word))
+                .wrapping_mul(0x0100_0000_01b3)
+                .rotate_left(23)
+        });
+        Self(hash).with(rest)
+    }
+
     /// Of this and one more value.
     pub(crate) fn and(self, value: &impl ToString) -> Self {
         self.with(b"/").with(value.to_string().as_bytes())

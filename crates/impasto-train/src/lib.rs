@@ -4,12 +4,15 @@
 //! [`Model`] is what comes out.
 
 pub mod budget;
+mod checkpoint;
 pub mod config;
+mod durable;
 mod encoder;
 mod error;
 pub mod event;
 mod geometry_stage;
 mod hash;
+mod identity;
 mod info;
 mod log;
 mod measuring;
@@ -21,8 +24,10 @@ mod palette;
 mod patches;
 mod progress;
 mod rays;
+mod recovery;
 mod refine;
 mod refit;
+mod run;
 mod style_cache;
 mod style_folder;
 mod style_stage;
@@ -32,6 +37,7 @@ mod validation;
 
 pub use budget::{Budget, Clock};
 pub use burn::tensor::Device;
+pub use checkpoint::CHECKPOINT_FILE;
 pub use config::TrainConfig;
 pub use encoder::{
     EncoderCheck, EncoderOptions, EncoderSummary, check_encoder, read_encoder, train_encoder,
@@ -39,14 +45,16 @@ pub use encoder::{
 pub use error::TrainError;
 pub use event::{Event, Stage};
 pub use geometry_stage::{GeometryStage, StepReport};
+pub use identity::Identity;
 pub use impasto_field::render::LOST;
 pub use impasto_kernels::device::{DeviceChoice, NoDevice, Opened, is_cpu};
 pub use model::{Inspiration, Look, Model, RenderedView};
-pub use model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
+pub use model_file::{Finished, MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 pub use objective::StyleReport;
 pub use palette::{Palette, Recolouring};
 pub use patches::Frozen;
 pub use rays::{CameraRays, PhotoRays, photo_rays};
+pub use recovery::{Recovery, Stop, Unfinished};
 pub use refine::Refinement;
 pub use style_cache::cache_folder;
 pub use style_folder::{StyleFile, StyleFolder};

@@ -1,7 +1,11 @@
 //! `model.safetensors`: all weights, with everything else as JSON in its metadata.
 
 use crate::TrainError;
+use crate::budget::Budget;
+use crate::checkpoint::CHECKPOINT_FILE;
 use crate::config::TrainConfig;
+use crate::durable::write_whole;
+use crate::identity::Identity;
 use crate::style_stage::{StyleModel, hypernetworks};
 use burn::tensor::{Device, Tensor};
 use impasto_field::branch::vector;
@@ -10,8 +14,8 @@ use impasto_field::{Appearance, BranchWeights, Canvas, Field, FieldWeights, Grid
 use impasto_kernels::DensityGrid;
 use impasto_scene::{Camera, Normalisation, Split};
 use impasto_style::{HypernetworkWeights, StyleError, StyleVae};
-use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
+use safetensors::{SafeTensorError, SafeTensors};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -67,6 +71,23 @@ pub struct Quality {
     pub views: usize,
 }
 
+/// The run that made a model, once it is over.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Finished {
+    /// What decided its result.
+    pub(crate) identity: Identity,
+    /// Length that was asked for.
+    pub budget: Budget,
+    /// Steps of the geometry stage.
+    pub geometry_steps: u64,
+    /// Steps of the style stage.
+    pub style_steps: u64,
+    /// Files in the style folder, less those that are known to be no pictures.
+    pub paintings: usize,
+    /// Files in the style folder that the style stage found to be no pictures.
+    pub unreadable_paintings: usize,
+}
+
 #[derive(Serialize, Deserialize)]
 struct Header {
     version: u32,
@@ -74,6 +95,8 @@ struct Header {
     scene: ModelScene,
     quality: Quality,
     seed: u64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    finished: Option<Finished>,
 }
 
 /// The contents of a model file.
@@ -97,16 +120,32 @@ pub struct ModelFile {
     pub style: Option<StyleModel>,
     /// The encoder that its style codes come from, if it is not the shipped one.
     pub encoder: Option<StyleVae>,
+    /// The run that it comes from, unless that is not over or was not [`crate::train`].
+    pub finished: Option<Finished>,
 }
 
-struct Entry {
-    name: String,
-    dtype: Dtype,
-    length: usize,
-    bytes: Vec<u8>,
+/// A tensor to be stored.
+pub(crate) struct Entry {
+    pub(crate) name: String,
+    pub(crate) dtype: Dtype,
+    pub(crate) length: usize,
+    pub(crate) bytes: Vec<u8>,
 }
 
-fn floats(name: impl Into<String>, tensor: &Tensor<1>) -> Entry {
+/// A safetensors file.
+pub(crate) fn serialize(
+    entries: &[Entry],
+    metadata: HashMap<String, String>,
+) -> Result<Vec<u8>, SafeTensorError> {
+    let views = entries.iter().map(|e| {
+        let view = TensorView::new(e.dtype, vec![e.length], &e.bytes)?;
+        Ok((e.name.as_str(), view))
+    });
+    let views = views.collect::<Result<Vec<_>, SafeTensorError>>()?;
+    safetensors::serialize(views, Some(metadata))
+}
+
+pub(crate) fn floats(name: impl Into<String>, tensor: &Tensor<1>) -> Entry {
     let numbers = host(tensor.clone());
     Entry {
         name: name.into(),
@@ -116,7 +155,7 @@ fn floats(name: impl Into<String>, tensor: &Tensor<1>) -> Entry {
     }
 }
 
-fn levels(name: &str, grid: &DensityGrid) -> Entry {
+pub(crate) fn levels(name: &str, grid: &DensityGrid) -> Entry {
     Entry {
         name: name.into(),
         dtype: Dtype::U8,
@@ -207,21 +246,11 @@ impl ModelFile {
             scene: self.scene.clone(),
             quality: self.quality,
             seed: self.seed,
+            finished: self.finished.clone(),
         };
         let json = serde_json::to_string(&header).map_err(|e| failed(e.to_string()))?;
-        let entries = self.entries()?;
-        let views = entries
-            .iter()
-            .map(|e| {
-                Ok((
-                    e.name.as_str(),
-                    TensorView::new(e.dtype, vec![e.length], &e.bytes)?,
-                ))
-            })
-            .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
-            .map_err(|e| failed(e.to_string()))?;
-        let bytes = safetensors::serialize(views, Some(HashMap::from([(KEY.to_owned(), json)])))
-            .map_err(|e| failed(e.to_string()))?;
+        let metadata = HashMap::from([(KEY.to_owned(), json)]);
+        let bytes = serialize(&self.entries()?, metadata).map_err(|e| failed(e.to_string()))?;
         write_whole(&path, &bytes)?;
         Ok(path)
     }
@@ -241,6 +270,9 @@ impl ModelFile {
             reason,
         };
         let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
+            std::io::ErrorKind::NotFound if path.with_file_name(CHECKPOINT_FILE).exists() => {
+                failed("its training is not finished; go on with `impasto train … --resume`".into())
+            }
             std::io::ErrorKind::NotFound => {
                 failed("there is no model here; `impasto train` makes one".into())
             }
@@ -274,31 +306,18 @@ impl ModelFile {
     }
 }
 
-/// Writes a file under a temporary name and renames it, so that nobody ever sees half of it.
-///
-/// # Errors
-/// If the folder cannot be written.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), TrainError> {
-    let temporary = path.with_extension("tmp");
-    std::fs::write(&temporary, bytes)
-        .and_then(|()| std::fs::rename(&temporary, path))
-        .map_err(|e| {
-            // Best effort: the write error is what matters.
-            let _ = std::fs::remove_file(&temporary);
-            TrainError::Write {
-                path: path.to_owned(),
-                reason: e.to_string(),
-            }
-        })
-}
-
-struct Reader<'a> {
-    tensors: &'a SafeTensors<'a>,
-    device: &'a Device,
+/// Tensors of a file, checked as they are read.
+pub(crate) struct Reader<'a> {
+    pub(crate) tensors: &'a SafeTensors<'a>,
+    pub(crate) device: &'a Device,
 }
 
 impl Reader<'_> {
-    fn floats(&self, name: &str, length: usize) -> Result<Tensor<1>, String> {
+    pub(crate) fn floats(&self, name: &str, length: usize) -> Result<Tensor<1>, String> {
+        Ok(vector(self.numbers(name, length)?, self.device))
+    }
+
+    pub(crate) fn numbers(&self, name: &str, length: usize) -> Result<Vec<f32>, String> {
         let tensor = self
             .tensors
             .tensor(name)
@@ -310,13 +329,10 @@ impl Reader<'_> {
                 numbers.len()
             ));
         }
-        Ok(vector(
-            numbers.iter().map(|b| f32::from_le_bytes(*b)).collect(),
-            self.device,
-        ))
+        Ok(numbers.iter().map(|b| f32::from_le_bytes(*b)).collect())
     }
 
-    fn grid(&self, name: &str) -> Result<DensityGrid, String> {
+    pub(crate) fn grid(&self, name: &str) -> Result<DensityGrid, String> {
         let tensor = self
             .tensors
             .tensor(name)
@@ -376,6 +392,7 @@ impl Reader<'_> {
             scene: header.scene,
             quality: header.quality,
             seed: header.seed,
+            finished: header.finished,
         })
     }
 

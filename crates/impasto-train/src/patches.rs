@@ -11,6 +11,7 @@ use impasto_field::{
 use impasto_style::{PatchSampler, Perceptual, Statistics, StyleError};
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What the geometry stage left, never changed again.
@@ -74,7 +75,23 @@ pub struct PatchPool {
     capacity: usize,
     uses: u64,
     palette: Palette,
-    kept: Vec<Arc<FrozenPatch>>,
+    kept: Vec<Kept>,
+    drawn: u64,
+    made: u64,
+}
+
+/// A patch with the random numbers that it was made from.
+#[derive(Debug, Clone)]
+struct Kept {
+    origin: Pcg64,
+    patch: Arc<FrozenPatch>,
+}
+
+/// What a pool can be filled again from: a patch is too large to be stored, and is made of nothing
+/// but the frozen field and random numbers.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct PoolProgress {
+    origins: Vec<Pcg64>,
     drawn: u64,
     made: u64,
 }
@@ -127,7 +144,11 @@ impl PatchPool {
     /// # Panics
     /// If no patch was drawn yet.
     pub fn ease(&self, target: &Statistics) -> Tensor<1> {
-        let kept: Vec<Tensor<1>> = self.kept.iter().map(|p| p.statistics.clone()).collect();
+        let kept: Vec<Tensor<1>> = self
+            .kept
+            .iter()
+            .map(|k| k.patch.statistics.clone())
+            .collect();
         let mean: Tensor<1> = Tensor::stack::<2>(kept, 0).mean_dim(0).squeeze_dim(0);
         let distance = (mean.clone() - target.tensor(&mean.device()))
             .square()
@@ -147,17 +168,50 @@ impl PatchPool {
         self.drawn += 1;
         if self.made * self.uses >= self.drawn {
             let at = rng.random_range(0..self.kept.len());
-            return Ok(Arc::clone(&self.kept[at]));
+            return Ok(Arc::clone(&self.kept[at].patch));
         }
         // Gone before its successor is made: one of the paper's is more than a gigabyte.
         if self.kept.len() == self.capacity {
             let at = rng.random_range(0..self.capacity);
             self.kept.swap_remove(at);
         }
-        let patch = Arc::new(self.make(vgg, rng)?);
+        let kept = self.kept_of(rng.clone(), vgg, rng)?;
         self.made += 1;
-        self.kept.push(Arc::clone(&patch));
+        let patch = Arc::clone(&kept.patch);
+        self.kept.push(kept);
         Ok(patch)
+    }
+
+    fn kept_of(
+        &self,
+        origin: Pcg64,
+        vgg: &Perceptual,
+        rng: &mut Pcg64,
+    ) -> Result<Kept, StyleError> {
+        let patch = Arc::new(self.make(vgg, rng)?);
+        Ok(Kept { origin, patch })
+    }
+
+    /// What [`Self::restore`] needs.
+    pub(crate) fn progress(&self) -> PoolProgress {
+        PoolProgress {
+            origins: self.kept.iter().map(|kept| kept.origin.clone()).collect(),
+            drawn: self.drawn,
+            made: self.made,
+        }
+    }
+
+    /// Makes the patches of another pool of the same field and photos again.
+    pub(crate) fn restore(
+        &mut self,
+        progress: &PoolProgress,
+        vgg: &Perceptual,
+    ) -> Result<(), StyleError> {
+        let origins = progress.origins.iter();
+        let kept = origins.map(|origin| self.kept_of(origin.clone(), vgg, &mut origin.clone()));
+        self.kept = kept.collect::<Result<_, _>>()?;
+        (self.drawn, self.made) = (progress.drawn, progress.made);
+        Ok(())
     }
 
     fn make(&self, vgg: &Perceptual, rng: &mut Pcg64) -> Result<FrozenPatch, StyleError> {

@@ -3,6 +3,7 @@
 use crate::budget::Clock;
 use crate::event::{Event, Stage};
 use crate::log::Log;
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// Time between two events that tell how far something is.
@@ -11,9 +12,10 @@ pub(crate) const REPORT_EVERY: Duration = Duration::from_millis(500);
 const NEWEST: f64 = 0.02;
 
 /// A running mean of the last numbers; of all while they are few.
-#[derive(Debug, Default, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Smooth {
-    mean: f64,
+    /// Its bits: JSON has no words for what is no number.
+    mean: u64,
     count: u32,
 }
 
@@ -21,29 +23,35 @@ impl Smooth {
     pub(crate) fn add(&mut self, number: f64) {
         self.count += 1;
         let share = (1.0 / f64::from(self.count)).max(NEWEST);
-        self.mean += share * (number - self.mean);
+        let mean = f64::from_bits(self.mean);
+        self.mean = (mean + share * (number - mean)).to_bits();
     }
 
     pub(crate) fn value(self) -> Option<f64> {
-        (self.count > 0).then_some(self.mean)
+        (self.count > 0).then_some(f64::from_bits(self.mean))
     }
+}
+
+/// What progress is reported from.
+#[derive(Debug, Default, Clone, Copy, Serialize, Deserialize)]
+pub(crate) struct Reported {
+    /// Total, content and style loss.
+    losses: [Smooth; 3],
+    rays: u64,
 }
 
 /// A stage's progress.
 pub(crate) struct Progress {
     stage: Stage,
-    /// Total, content and style loss.
-    losses: [Smooth; 3],
-    rays: u64,
+    pub(crate) reported: Reported,
     last: Instant,
 }
 
 impl Progress {
-    pub(crate) fn new(stage: Stage) -> Self {
+    pub(crate) fn new(stage: Stage, reported: Reported) -> Self {
         Self {
             stage,
-            losses: [Smooth::default(); 3],
-            rays: 0,
+            reported,
             last: Instant::now(),
         }
     }
@@ -56,18 +64,18 @@ impl Progress {
         rays: usize,
         log: &mut Log<'_>,
     ) {
-        for (smooth, loss) in self.losses.iter_mut().zip(losses) {
+        for (smooth, loss) in self.reported.losses.iter_mut().zip(losses) {
             if let Some(loss) = loss {
                 smooth.add(loss);
             }
         }
-        self.rays += rays as u64;
+        self.reported.rays += rays as u64;
         if self.last.elapsed() < REPORT_EVERY && !clock.is_over() {
             return;
         }
         self.last = Instant::now();
         let seconds = clock.seconds().max(1e-9);
-        let [loss, content, style] = self.losses.map(Smooth::value);
+        let [loss, content, style] = self.reported.losses.map(Smooth::value);
         log.event(&Event::Step {
             stage: self.stage,
             step: clock.steps,
@@ -76,7 +84,7 @@ impl Progress {
             content,
             style,
             rate: clock.steps as f64 / seconds,
-            rays_per_second: self.rays as f64 / seconds,
+            rays_per_second: self.reported.rays as f64 / seconds,
             eta: clock.eta(),
         });
     }

@@ -46,6 +46,7 @@ impl Model {
             photo_app,
             quality: Quality::default(),
             style: None,
+            finished: None,
             ..self.file.clone()
         };
         Some(Self::from_file(file, self.device().clone()))

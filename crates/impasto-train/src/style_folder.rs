@@ -109,6 +109,13 @@ impl StyleFolder {
         }
     }
 
+    /// Of names, sizes and times of all files.
+    pub(crate) fn identity(&self) -> u64 {
+        let count = Hash::of(&self.files.len());
+        let files = self.files.iter();
+        files.fold(count, |hash, file| hash.and(&file.identity)).0
+    }
+
     /// The folder of a run: at least one file of it is a picture.
     ///
     /// # Errors

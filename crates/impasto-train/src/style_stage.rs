@@ -2,10 +2,12 @@
 //! depend on the camera only.
 
 use crate::budget::{Clock, Looks};
+use crate::checkpoint::{adam_entries, restore_adam};
 use crate::config::TrainConfig;
+use crate::model_file::{Entry, Reader};
 use crate::objective::{Losses, Objective, StyleReport, difference};
 use crate::painted;
-use crate::patches::{Frozen, FrozenPatch, PatchPool};
+use crate::patches::{Frozen, FrozenPatch, PatchPool, PoolProgress};
 use crate::rays::PhotoRays;
 use crate::styles::{Style, StyleSet};
 use burn::tensor::{Device, Tensor};
@@ -14,6 +16,7 @@ use impasto_kernels::{device::is_cpu, ops::AdamParam};
 use impasto_style::{Hypernetwork, HypernetworkWeights, Perceptual, StyleCode, StyleError};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
 
 /// Everything that predicts a stylised appearance.
 #[derive(Debug, Clone)]
@@ -64,6 +67,16 @@ impl StyleModel {
         });
         levels.collect()
     }
+}
+
+/// What a checkpoint keeps of the stage beside its tensors.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct StyleProgress {
+    rng: Pcg64,
+    updates: u64,
+    pool: PoolProgress,
+    /// Of each parameter.
+    adam: Vec<u32>,
 }
 
 /// Hypernetworks in training.
@@ -135,6 +148,35 @@ impl StyleStage {
     /// The current hypernetworks.
     pub fn snapshot(&self) -> StyleModel {
         self.model(AdamParam::value)
+    }
+
+    /// All that [`Self::restore`] needs to go on as if nothing had been.
+    pub(crate) fn progress(&self) -> (StyleProgress, Vec<Entry>) {
+        let hyper = self.hyper_params.iter().flatten().flatten();
+        let (adam, entries) = adam_entries(hyper.chain(self.canvas.iter().flatten()));
+        let progress = StyleProgress {
+            rng: self.rng.clone(),
+            updates: self.updates,
+            pool: self.patches.progress(),
+            adam,
+        };
+        (progress, entries)
+    }
+
+    /// Goes on where a stage of the same field, photos, paintings and settings was.
+    pub(crate) fn restore(
+        &mut self,
+        progress: &StyleProgress,
+        from: &Reader<'_>,
+    ) -> Result<(), String> {
+        let hyper = self.hyper_params.iter_mut().flatten().flatten();
+        let params = hyper.chain(self.canvas.iter_mut().flatten());
+        restore_adam(params, &progress.adam, from)?;
+        let filled = self.patches.restore(&progress.pool, &self.vgg);
+        filled.map_err(|e| e.to_string())?;
+        self.rng = progress.rng.clone();
+        self.updates = progress.updates;
+        Ok(())
     }
 
     fn model(&self, leaf: impl Fn(&AdamParam) -> Tensor<1>) -> StyleModel {

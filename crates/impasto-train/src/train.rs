@@ -1,29 +1,28 @@
 //! A whole run: capture and paintings in, model folder out.
 
-use crate::budget::{Budget, Clock};
+use crate::TrainError;
+use crate::budget::{Budget, Stopwatch};
+use crate::checkpoint::Checkpoint;
 use crate::config::TrainConfig;
+use crate::durable::FolderLock;
 use crate::encoder::read_encoder;
-use crate::event::{Event, Stage};
-use crate::geometry_stage::GeometryStage;
+use crate::event::Event;
+use crate::identity::Identity;
 use crate::log::Log;
-use crate::model::{Inspiration, Model};
-use crate::model_file::{MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
-use crate::patches::Frozen;
-use crate::progress::Progress;
-use crate::rays::photo_rays;
+use crate::model_file::{MODEL_FILE, ModelFile};
+use crate::recovery::{Recovery, Unfinished};
+use crate::run::{Earlier, Run};
 use crate::style_folder::StyleFolder;
-use crate::style_stage::StyleStage;
-use crate::styles::{StyleSet, StyleSources};
-use crate::{TrainError, validation};
 use burn::tensor::Device;
 use impasto_scene::{Format, LoadOptions, Scene};
-use impasto_style::{Perceptual, StyleVae};
-use serde::Serialize;
-use std::path::PathBuf;
+use impasto_style::StyleVae;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Which stages to run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Stages {
     /// Both.
     All,
@@ -31,6 +30,17 @@ pub enum Stages {
     Geometry,
     /// Paintings → hypernetwork only, on the model that the output folder holds.
     Style,
+}
+
+impl Stages {
+    /// As the command line calls it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::All => "all",
+            Self::Geometry => "geometry",
+            Self::Style => "style",
+        }
+    }
 }
 
 /// What to train, on what, for how long.
@@ -61,6 +71,8 @@ pub struct TrainOptions {
     pub seed: u64,
     /// What the stages compute on; see [`crate::DeviceChoice`].
     pub device: Device,
+    /// How the run can be interrupted and go on.
+    pub recovery: Recovery,
 }
 
 /// What a run came to.
@@ -74,7 +86,7 @@ pub struct TrainSummary {
     pub ssim: f64,
     /// Held-out views.
     pub views: usize,
-    /// Seconds from start to end.
+    /// Seconds that the run took, all its parts together where it was interrupted.
     pub seconds: f64,
     /// Steps of the geometry stage.
     pub geometry_steps: u64,
@@ -90,22 +102,15 @@ pub struct TrainSummary {
     pub synthetic: bool,
 }
 
-/// Pictures generated when there are no paintings at all.
-const GENERATED_ALONE: usize = 400;
-/// Part of a time budget kept for the checks after the last stage.
-const RESERVE: f64 = 0.02;
-/// At least this much of it, unless that is more than a quarter.
-const LEAST_RESERVE: Duration = Duration::from_secs(2);
-/// Most of the style stage's time that statistics of crops and generated pictures may take.
-const PREPARATION: f64 = 0.12;
-/// Most of a time budget that comparing held-out views may take.
-const COMPARISON: f64 = 0.05;
-
 /// Trains and writes a model folder.
 ///
+/// While it runs, the folder holds a checkpoint from which [`Unfinished::Resume`] goes on; on one
+/// device with a budget in steps, to the same model as without an interruption.
+///
 /// # Errors
-/// If the capture, the paintings or the output folder cannot be used; nothing half-written is
-/// left behind.
+/// If the capture, the paintings or the output folder cannot be used, with nothing half-written
+/// left behind; if the folder's unfinished run is in the way; [`TrainError::Stopped`] if that was
+/// asked for.
 pub fn train(
     options: &TrainOptions,
     sink: &mut dyn FnMut(&Event),
@@ -121,46 +126,131 @@ pub fn train(
     let paintings = options.styles.as_deref();
     let paintings = paintings.map(StyleFolder::of_paintings).transpose()?;
     let encoder = options.encoder.as_deref().map(read_encoder).transpose()?;
+    let identity = Identity::of(options, &scene, paintings.as_ref(), encoder.as_ref())?;
     // Before anything is written.
     let trained = continued(options, &scene, encoder.clone())?;
-    let mut log = Log::create(&options.output, sink)?;
+    let _lock = FolderLock::take(&options.output)?;
+    let earlier = unfinished(options, &identity)?;
+    if let (None, Unfinished::Resume) = (&earlier, options.recovery.unfinished)
+        && let Some(file) = finished(options, &identity)?
+    {
+        return Ok(summary(options, &file, &scene, start.elapsed()));
+    }
+    let ran = earlier.as_ref().map_or(start.elapsed(), |e| e.position.ran);
+    let watch = Stopwatch::after(ran);
+    let mut log = Log::create(&options.output, watch, sink)?;
     let found = paintings.as_ref().map_or(0, |folder| folder.files.len());
-    let listed = paintings.as_ref().map_or(0, |f| f.unreadable.len());
     log.event(&loaded(&scene, found));
+    if let Some(earlier) = &earlier {
+        for message in changes(options, &identity, earlier) {
+            log.event(&Event::Warning { message });
+        }
+    }
     let mut run = Run {
         options,
+        identity,
         scene,
-        start,
-        device: options.device.clone(),
+        watch,
+        saved: Instant::now(),
         log,
         paintings,
         encoder,
         unreadable: 0,
+        earlier: earlier.map(Earlier::new),
     };
-    let (mut file, geometry_steps) = match trained {
-        Some(file) => (file, 0),
-        None => run.geometry()?,
+    let (file, seconds) = run.all(trained)?;
+    Ok(summary(options, &file, &run.scene, seconds))
+}
+
+/// The folder's checkpoint, if it is there and to be continued.
+fn unfinished(
+    options: &TrainOptions,
+    identity: &Identity,
+) -> Result<Option<Checkpoint>, TrainError> {
+    let folder = &options.output;
+    if options.recovery.unfinished == Unfinished::Discard {
+        Checkpoint::remove(folder)?;
+        return Ok(None);
+    }
+    let Some(found) = Checkpoint::load(folder)? else {
+        return Ok(None);
     };
-    let style_steps = match options.stages {
-        Stages::Geometry => 0,
-        Stages::All | Stages::Style => run.style(&mut file)?,
+    let position = &found.position;
+    if options.recovery.unfinished == Unfinished::Keep {
+        return Err(TrainError::Unfinished {
+            folder: folder.clone(),
+            stage: position.stage.stage(),
+            steps: position.steps,
+        });
+    }
+    check_same_run(folder, &position.identity, identity)?;
+    Ok(Some(found))
+}
+
+/// The folder's model, if it is what a finished run of the same kind and length has made.
+fn finished(options: &TrainOptions, identity: &Identity) -> Result<Option<ModelFile>, TrainError> {
+    let path = options.output.join(MODEL_FILE);
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let file = ModelFile::load(&path, &options.device)?;
+    let Some(made) = &file.finished else {
+        return Ok(None);
     };
-    let seconds = start.elapsed().as_secs_f64();
-    run.log.event(&Event::Done { seconds });
-    Ok(TrainSummary {
+    // A style stage may be repeated on the geometry of another run.
+    if options.stages != Stages::Style {
+        check_same_run(&options.output, &made.identity, identity)?;
+    }
+    let same = made.identity.difference(identity).is_none();
+    let same = same && made.identity.same_paintings(identity) && made.budget == options.budget;
+    Ok(same.then_some(file))
+}
+
+fn check_same_run(folder: &Path, ours: &Identity, theirs: &Identity) -> Result<(), TrainError> {
+    match ours.difference(theirs) {
+        Some(difference) => Err(TrainError::Resume {
+            folder: folder.to_owned(),
+            difference,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// What makes the end of a resumed run another than that of the run that it continues.
+fn changes(options: &TrainOptions, identity: &Identity, earlier: &Checkpoint) -> Vec<String> {
+    let position = &earlier.position;
+    let mut changes = Vec::new();
+    if position.budget != options.budget {
+        changes
+            .push("the budget is another than when the run began; its rates now follow this one");
+    }
+    if !position.identity.same_paintings(identity) {
+        changes
+            .push("the paintings have changed since the run began; it goes on with those of now");
+    }
+    changes.into_iter().map(str::to_owned).collect()
+}
+
+fn summary(
+    options: &TrainOptions,
+    file: &ModelFile,
+    scene: &Scene,
+    seconds: Duration,
+) -> TrainSummary {
+    let made = file.finished.as_ref();
+    TrainSummary {
         model: options.output.clone(),
         psnr: file.quality.psnr,
         ssim: file.quality.ssim,
         views: file.quality.views,
-        seconds,
-        geometry_steps,
-        style_steps,
-        train_photos: run.scene.train().count(),
-        // Unreadable entries of the listing were never among the files.
-        paintings: (found + listed).saturating_sub(run.unreadable),
-        unreadable_paintings: run.unreadable,
-        synthetic: run.scene.synthetic,
-    })
+        seconds: seconds.as_secs_f64(),
+        geometry_steps: made.map_or(0, |m| m.geometry_steps),
+        style_steps: made.map_or(0, |m| m.style_steps),
+        train_photos: scene.train().count(),
+        paintings: made.map_or(0, |m| m.paintings),
+        unreadable_paintings: made.map_or(0, |m| m.unreadable_paintings),
+        synthetic: scene.synthetic,
+    }
 }
 
 /// The model whose style stage is to run, if that is all; that a style stage can have its networks
@@ -241,209 +331,3 @@ fn check_same_scene(file: &ModelFile, scene: &Scene) -> Result<(), TrainError> {
 
 /// How far a camera of the same capture may seem to have moved, scene units.
 const SAME_PLACE: f64 = 1e-4;
-
-struct Run<'a> {
-    options: &'a TrainOptions,
-    scene: Scene,
-    start: Instant,
-    device: Device,
-    log: Log<'a>,
-    paintings: Option<StyleFolder>,
-    encoder: Option<StyleVae>,
-    /// Files of the style folder that are no pictures.
-    unreadable: usize,
-}
-
-impl Run<'_> {
-    fn started(&mut self, stage: Stage, budget: Budget) {
-        let (seconds, steps) = match budget {
-            Budget::Time(time) => (Some(time.as_secs_f64()), None),
-            Budget::Steps(steps) => (None, Some(steps)),
-        };
-        self.log.event(&Event::StageStarted {
-            stage,
-            seconds,
-            steps,
-        });
-    }
-
-    /// The budget of a stage that begins now.
-    fn stage_budget(&self, stage: Stage) -> Budget {
-        let share = self.options.config.geometry_share;
-        let only = self.options.stages != Stages::All;
-        let total = match (self.options.budget, stage) {
-            (Budget::Steps(_), _) if only => return self.options.budget,
-            (Budget::Steps(_), Stage::Geometry) => return self.options.budget.share(share),
-            (Budget::Steps(_), Stage::Style) => return self.options.budget.share(1.0 - share),
-            (Budget::Time(total), _) => total,
-        };
-        let reserve = total.mul_f64(RESERVE).max(LEAST_RESERVE).min(total / 4);
-        let end = match stage {
-            Stage::Geometry if only => total.mul_f64(1.0 - COMPARISON).saturating_sub(reserve),
-            Stage::Geometry => total.mul_f64(share),
-            Stage::Style => total.saturating_sub(reserve),
-        };
-        let left = end.saturating_sub(self.start.elapsed());
-        Budget::Time(left.max(Duration::from_millis(100)))
-    }
-
-    fn geometry(&mut self) -> Result<(ModelFile, u64), TrainError> {
-        let config = &self.options.config;
-        let mut stage = GeometryStage::new(&self.scene, config, self.options.seed, &self.device);
-        let budget = self.stage_budget(Stage::Geometry);
-        self.started(Stage::Geometry, budget);
-        let mut clock = Clock::start(budget);
-        let mut progress = Progress::new(Stage::Geometry);
-        while !clock.is_over() {
-            let report = stage.step(&clock);
-            clock.steps += 1;
-            progress.step(
-                &clock,
-                [Some(report.loss), None, None],
-                report.rays,
-                &mut self.log,
-            );
-        }
-        let (weights, grids, photo_app) = stage.snapshot();
-        let mut file = ModelFile {
-            config: config.clone(),
-            scene: model_scene(&self.scene),
-            quality: Quality::default(),
-            seed: self.options.seed,
-            weights,
-            grids,
-            photo_app,
-            style: None,
-            encoder: None,
-        };
-        let model = Model::from_file(file.clone(), self.device.clone());
-        let limit = match self.options.budget {
-            Budget::Time(time) => time.mul_f64(COMPARISON),
-            Budget::Steps(_) => Duration::MAX,
-        };
-        let (quality, preview) = validation::validate(&model, &self.scene, limit);
-        file.quality = quality;
-        self.log.event(&Event::Validation {
-            step: clock.steps,
-            psnr: quality.psnr,
-            ssim: quality.ssim,
-            views: quality.views,
-        });
-        if let Some(preview) = preview {
-            self.preview("geometry.png", &preview)?;
-        }
-        self.save(&file)?;
-        Ok((file, clock.steps))
-    }
-
-    fn preview(&mut self, name: &str, picture: &image::RgbImage) -> Result<(), TrainError> {
-        let path = self.options.output.join("previews").join(name);
-        let mut bytes = std::io::Cursor::new(Vec::new());
-        let failed = |reason: String| TrainError::Write {
-            path: path.clone(),
-            reason,
-        };
-        picture
-            .write_to(&mut bytes, image::ImageFormat::Png)
-            .map_err(|e| failed(e.to_string()))?;
-        crate::model_file::write_whole(&path, bytes.get_ref())?;
-        self.log.event(&Event::Preview { path });
-        Ok(())
-    }
-
-    fn save(&mut self, file: &ModelFile) -> Result<(), TrainError> {
-        let path = file.save(&self.options.output)?;
-        self.log.event(&Event::Checkpoint { path });
-        Ok(())
-    }
-
-    fn style(&mut self, file: &mut ModelFile) -> Result<u64, TrainError> {
-        // The field stays as it was trained; only what concerns styles is taken from this run.
-        file.config.style = self.options.config.style.clone();
-        file.config.style_app = self.options.config.style_app.clone();
-        file.encoder = self.encoder.clone();
-        let (vgg, vae) = (file.config.style.perceptual.load()?, file.encoder()?);
-        let whole = self.stage_budget(Stage::Style);
-        self.started(Stage::Style, whole);
-        let styles = self.gathered(file, &vgg, whole)?;
-        let shown: Vec<_> = (0..styles.len())
-            .step_by(styles.len().div_ceil(4).max(1))
-            .map(|index| styles.style(&vae, index, None))
-            .map(|style| Inspiration {
-                code: style.code,
-                palette: style.palette,
-            })
-            .collect();
-        let budget = self.stage_budget(Stage::Style);
-        let photos = photo_rays(self.scene.train().map(|(_, p)| p));
-        let frozen = Frozen {
-            weights: file.weights.clone(),
-            grids: file.grids.clone(),
-            photo_app: file.photo_app.clone(),
-        };
-        let mut stage = StyleStage::new(
-            &file.config,
-            frozen,
-            photos,
-            (vgg, vae),
-            styles,
-            self.options.seed,
-            &self.device,
-        );
-        let mut clock = Clock::start(budget);
-        let mut progress = Progress::new(Stage::Style);
-        while !clock.is_over() {
-            let report = stage.step(&clock)?;
-            clock.steps += 1;
-            let losses = [Some(report.loss), report.content, report.style];
-            progress.step(&clock, losses, report.rays, &mut self.log);
-        }
-        file.style = Some(stage.snapshot());
-        let model = Model::from_file(file.clone(), self.device.clone());
-        if let Some(preview) = validation::style_preview(&model, &shown) {
-            self.preview("style.png", &preview)?;
-        }
-        self.save(file)?;
-        Ok(clock.steps)
-    }
-}
-
-impl Run<'_> {
-    /// Statistics, from the cache or measured within a part of the stage's time.
-    fn gathered(
-        &mut self,
-        file: &ModelFile,
-        vgg: &Perceptual,
-        budget: Budget,
-    ) -> Result<StyleSet, TrainError> {
-        let folder = self.paintings.as_ref();
-        let sources = StyleSources {
-            folder,
-            generated: folder.map_or(GENERATED_ALONE, |_| file.config.style.generated),
-            patch: file.config.style.patch,
-            pictures: file.config.style.pictures,
-            cache: self.options.cache.as_deref(),
-            deadline: match budget {
-                Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),
-                Budget::Steps(_) => None,
-            },
-        };
-        let styles = StyleSet::gather(vgg, &sources, &mut |event| self.log.event(event))?;
-        self.unreadable = styles.unreadable.len();
-        Ok(styles)
-    }
-}
-
-fn model_scene(scene: &Scene) -> ModelScene {
-    let photos = scene.photos.iter().map(|photo| ModelPhoto {
-        name: photo.name.clone(),
-        split: photo.split,
-        camera: photo.camera,
-    });
-    ModelScene {
-        name: scene.name.clone(),
-        synthetic: scene.synthetic,
-        normalisation: scene.normalisation,
-        photos: photos.collect(),
-    }
-}

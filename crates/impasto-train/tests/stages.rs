@@ -13,8 +13,8 @@ use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::config::StyleConfig;
 use impasto_train::{
     Budget, Clock, Event, Frozen, GeometryStage, Look, Model, ModelFile, ModelPhoto, ModelScene,
-    Quality, Refinement, Stages, StyleReport, StyleSet, StyleStage, TrainConfig, TrainOptions,
-    TrainSummary, photo_rays, train,
+    Quality, Recovery, Refinement, Stages, StyleReport, StyleSet, StyleStage, TrainConfig,
+    TrainOptions, TrainSummary, photo_rays, train,
 };
 
 fn small() -> TrainConfig {
@@ -103,6 +103,7 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
         photo_app,
         style: None,
         encoder: None,
+        finished: None,
     }
 }
 
@@ -317,6 +318,7 @@ fn run(dir: &tempfile::TempDir, config: TrainConfig, sink: &mut dyn FnMut(&Event
         format: None,
         seed: 1,
         device: tested(),
+        recovery: Recovery::default(),
     };
     train(&options, sink).unwrap()
 }

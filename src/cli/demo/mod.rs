@@ -14,7 +14,8 @@ use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use impasto::scene::{Format, LoadOptions, load};
 use impasto::{
-    Device, Inspiration, Look, Model, Stages, TrainConfig, TrainOptions, TrainSummary, cache_folder,
+    Device, Inspiration, Look, Model, Recovery, Stages, TrainConfig, TrainOptions, TrainSummary,
+    Unfinished, cache_folder,
 };
 use serde_json::json;
 
@@ -142,6 +143,11 @@ fn trained(args: &DemoArgs, device: Device) -> Result<TrainSummary, CliError> {
         format: Some(Format::Transforms),
         seed: args.seed,
         device,
+        recovery: Recovery {
+            // Minutes of a scene that anybody can have again.
+            unfinished: Unfinished::Discard,
+            ..Recovery::default()
+        },
     })
 }
 

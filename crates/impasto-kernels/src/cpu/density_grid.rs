@@ -46,6 +46,23 @@ impl DensityGrid {
         })
     }
 
+    /// With what was observed of every cell, as [`Self::observed`] gives it; `None` if that is
+    /// neither one finite opacity a cell nor nothing at all.
+    pub fn with_observed(mut self, opacity: Vec<f32>) -> Option<Self> {
+        let whole = opacity.is_empty() || opacity.len() == self.cells();
+        if !whole || !opacity.iter().all(|o| o.is_finite()) {
+            return None;
+        }
+        self.opacity = opacity;
+        Some(self)
+    }
+
+    /// Mean opacity of each cell's width, x fastest, observations since the last [`Self::settle`]
+    /// included; empty if there never was one.
+    pub fn observed(&self) -> &[f32] {
+        &self.opacity
+    }
+
     /// One level per cell, x fastest.
     pub fn levels(&self) -> &[u8] {
         &self.levels

@@ -262,6 +262,26 @@ impl AdamParam {
         }
     }
 
+    /// Continues with a value, its first and second moment, after so many [`Self::step`]s.
+    ///
+    /// # Panics
+    /// If the moments are of another length than the value.
+    pub fn resumed([param, first, second]: [Tensor<1>; 3], steps: u32) -> Self {
+        let lengths = [&first, &second].map(Tensor::dims);
+        assert_eq!(lengths, [param.dims(); 2], "moments of a value");
+        Self {
+            param,
+            first,
+            second,
+            steps,
+        }
+    }
+
+    /// What [`Self::resumed`] continues from.
+    pub fn state(&self) -> ([&Tensor<1>; 3], u32) {
+        ([&self.param, &self.first, &self.second], self.steps)
+    }
+
     /// The current value, outside any autodiff graph.
     pub fn value(&self) -> Tensor<1> {
         self.param.clone()

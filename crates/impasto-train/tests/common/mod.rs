@@ -10,7 +10,7 @@ use impasto_field::EncodingConfig;
 use impasto_kernels::device::tested;
 use impasto_paintings::{Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
-use impasto_train::{Budget, Stages, TrainConfig, TrainOptions};
+use impasto_train::{Budget, Recovery, Stages, TrainConfig, TrainOptions};
 use std::path::Path;
 
 /// The fast preset with small hash grids.
@@ -77,5 +77,6 @@ pub fn run(dir: &Path) -> TrainOptions {
         format: None,
         seed: 1,
         device: tested(),
+        recovery: Recovery::default(),
     }
 }

@@ -1,0 +1,421 @@
+//! The stages of a run one after the other, with checkpoints in between.
+
+use crate::TrainError;
+use crate::budget::{Budget, Clock, Stopwatch};
+use crate::checkpoint::{self, Checkpoint, Position, StageProgress};
+use crate::durable::write_whole;
+use crate::event::{Event, Stage};
+use crate::geometry_stage::GeometryStage;
+use crate::identity::Identity;
+use crate::log::Log;
+use crate::model::{Inspiration, Model};
+use crate::model_file::{Entry, Finished, ModelFile, ModelPhoto, ModelScene, Quality, Reader};
+use crate::patches::Frozen;
+use crate::progress::Progress;
+use crate::rays::photo_rays;
+use crate::style_folder::StyleFolder;
+use crate::style_stage::StyleStage;
+use crate::styles::{StyleSet, StyleSources};
+use crate::train::{Stages, TrainOptions};
+use crate::validation;
+use impasto_scene::Scene;
+use impasto_style::{Perceptual, StyleVae};
+use std::time::{Duration, Instant};
+
+/// Pictures generated when there are no paintings at all.
+const GENERATED_ALONE: usize = 400;
+/// Part of a time budget kept for the checks after the last stage.
+const RESERVE: f64 = 0.02;
+/// At least this much of it, unless that is more than a quarter.
+const LEAST_RESERVE: Duration = Duration::from_secs(2);
+/// Most of the style stage's time that statistics of crops and generated pictures may take.
+const PREPARATION: f64 = 0.12;
+/// Most of a time budget that comparing held-out views may take.
+const COMPARISON: f64 = 0.05;
+
+/// A run at work.
+pub(crate) struct Run<'a> {
+    pub(crate) options: &'a TrainOptions,
+    pub(crate) identity: Identity,
+    pub(crate) scene: Scene,
+    pub(crate) watch: Stopwatch,
+    /// When the last checkpoint was written.
+    pub(crate) saved: Instant,
+    pub(crate) log: Log<'a>,
+    pub(crate) paintings: Option<StyleFolder>,
+    pub(crate) encoder: Option<StyleVae>,
+    /// Files of the style folder that are no pictures.
+    pub(crate) unreadable: usize,
+    /// What is continued, until the stage that it is in has taken it over.
+    pub(crate) earlier: Option<Earlier>,
+}
+
+/// A run that was interrupted.
+pub(crate) struct Earlier(Checkpoint);
+
+impl Earlier {
+    pub(crate) fn new(checkpoint: Checkpoint) -> Self {
+        Self(checkpoint)
+    }
+}
+
+/// Where in a run a stage is.
+struct Place {
+    stage: Stage,
+    /// Time of the run when it began.
+    began: Duration,
+    /// Steps of the geometry stage, where that is over.
+    geometry_steps: u64,
+}
+
+/// A stage, as far as its loop goes.
+trait Steps {
+    /// One optimiser step: total, content and style loss, and rays used.
+    fn step(&mut self, clock: &Clock) -> Result<([Option<f64>; 3], usize), TrainError>;
+
+    /// What a checkpoint keeps.
+    fn progress(&self) -> (StageProgress, Vec<Entry>);
+
+    /// Goes on from what a checkpoint has kept.
+    fn restore(&mut self, progress: &StageProgress, from: &Reader<'_>) -> Result<(), String>;
+}
+
+/// What a checkpoint says where another stage's memory is found than the one that it names.
+fn other_stage() -> Result<(), String> {
+    Err("is of another stage".into())
+}
+
+impl Steps for GeometryStage {
+    fn step(&mut self, clock: &Clock) -> Result<([Option<f64>; 3], usize), TrainError> {
+        let report = Self::step(self, clock);
+        Ok(([Some(report.loss), None, None], report.rays))
+    }
+
+    fn progress(&self) -> (StageProgress, Vec<Entry>) {
+        let (progress, entries) = Self::progress(self);
+        (StageProgress::Geometry(progress), entries)
+    }
+
+    fn restore(&mut self, progress: &StageProgress, from: &Reader<'_>) -> Result<(), String> {
+        match progress {
+            StageProgress::Geometry(progress) => Self::restore(self, progress, from),
+            StageProgress::Style(_) => other_stage(),
+        }
+    }
+}
+
+impl Steps for StyleStage {
+    fn step(&mut self, clock: &Clock) -> Result<([Option<f64>; 3], usize), TrainError> {
+        let report = Self::step(self, clock)?;
+        let losses = [Some(report.loss), report.content, report.style];
+        Ok((losses, report.rays))
+    }
+
+    fn progress(&self) -> (StageProgress, Vec<Entry>) {
+        let (progress, entries) = Self::progress(self);
+        (StageProgress::Style(progress), entries)
+    }
+
+    fn restore(&mut self, progress: &StageProgress, from: &Reader<'_>) -> Result<(), String> {
+        match progress {
+            StageProgress::Style(progress) => Self::restore(self, progress, from),
+            StageProgress::Geometry(_) => other_stage(),
+        }
+    }
+}
+
+impl Run<'_> {
+    /// Everything that is left to do; the model and the time that all of it took.
+    pub(crate) fn all(
+        &mut self,
+        trained: Option<ModelFile>,
+    ) -> Result<(ModelFile, Duration), TrainError> {
+        let at_style = self.earlier.as_ref().map(|e| &e.0.position);
+        let at_style = at_style.filter(|p| p.stage.stage() == Stage::Style);
+        let (mut file, geometry_steps) = match (trained, at_style.map(|p| p.geometry_steps)) {
+            (Some(file), steps) => (file, steps.unwrap_or_default()),
+            (None, Some(steps)) => (self.geometry_model()?, steps),
+            (None, None) => self.geometry()?,
+        };
+        let style_steps = match self.options.stages {
+            Stages::Geometry => 0,
+            Stages::All | Stages::Style => self.style(&mut file, geometry_steps)?,
+        };
+        let folder = self.paintings.as_ref();
+        // Unreadable entries of the listing were never among the files.
+        let found = folder.map_or(0, |f| f.files.len() + f.unreadable.len());
+        file.finished = Some(Finished {
+            identity: self.identity.clone(),
+            budget: self.options.budget,
+            geometry_steps,
+            style_steps,
+            paintings: found.saturating_sub(self.unreadable),
+            unreadable_paintings: self.unreadable,
+        });
+        self.save(&file)?;
+        Checkpoint::remove(&self.options.output)?;
+        let seconds = self.watch.elapsed();
+        self.log.event(&Event::Done {
+            seconds: seconds.as_secs_f64(),
+        });
+        Ok((file, seconds))
+    }
+
+    /// The model that the interrupted run has left between its stages.
+    fn geometry_model(&self) -> Result<ModelFile, TrainError> {
+        ModelFile::load(&self.options.output, &self.options.device)
+    }
+
+    /// A stage begins, after as many steps of geometry.
+    fn started(&mut self, stage: Stage, geometry_steps: u64) -> Place {
+        let began = self.watch.elapsed();
+        let (seconds, steps) = match self.stage_budget(stage, began) {
+            Budget::Time(time) => (Some(time.as_secs_f64()), None),
+            Budget::Steps(steps) => (None, Some(steps)),
+        };
+        self.log.event(&Event::StageStarted {
+            stage,
+            seconds,
+            steps,
+        });
+        Place {
+            stage,
+            began,
+            geometry_steps,
+        }
+    }
+
+    /// The budget of a stage that began at some time of the run.
+    fn stage_budget(&self, stage: Stage, began: Duration) -> Budget {
+        let share = self.options.config.geometry_share;
+        let only = self.options.stages != Stages::All;
+        let total = match (self.options.budget, stage) {
+            (Budget::Steps(_), _) if only => return self.options.budget,
+            (Budget::Steps(_), Stage::Geometry) => return self.options.budget.share(share),
+            (Budget::Steps(_), Stage::Style) => return self.options.budget.share(1.0 - share),
+            (Budget::Time(total), _) => total,
+        };
+        let reserve = total.mul_f64(RESERVE).max(LEAST_RESERVE).min(total / 4);
+        let end = match stage {
+            Stage::Geometry if only => total.mul_f64(1.0 - COMPARISON).saturating_sub(reserve),
+            Stage::Geometry => total.mul_f64(share),
+            Stage::Style => total.saturating_sub(reserve),
+        };
+        let left = end.saturating_sub(began);
+        Budget::Time(left.max(Duration::from_millis(100)))
+    }
+
+    fn geometry(&mut self) -> Result<(ModelFile, u64), TrainError> {
+        let options = self.options;
+        let config = &options.config;
+        let mut stage = GeometryStage::new(&self.scene, config, options.seed, &options.device);
+        let place = self.started(Stage::Geometry, 0);
+        let steps = self.steps_of(&mut stage, place)?;
+        let (weights, grids, photo_app) = stage.snapshot();
+        let mut file = ModelFile {
+            config: config.clone(),
+            scene: model_scene(&self.scene),
+            quality: Quality::default(),
+            seed: options.seed,
+            weights,
+            grids,
+            photo_app,
+            style: None,
+            encoder: None,
+            finished: None,
+        };
+        let model = Model::from_file(file.clone(), options.device.clone());
+        let limit = match options.budget {
+            Budget::Time(time) => time.mul_f64(COMPARISON),
+            Budget::Steps(_) => Duration::MAX,
+        };
+        let (quality, preview) = validation::validate(&model, &self.scene, limit);
+        file.quality = quality;
+        self.log.event(&Event::Validation {
+            step: steps,
+            psnr: quality.psnr,
+            ssim: quality.ssim,
+            views: quality.views,
+        });
+        if let Some(preview) = preview {
+            self.preview("geometry.png", &preview)?;
+        }
+        if options.stages == Stages::All {
+            self.save(&file)?;
+        }
+        Ok((file, steps))
+    }
+
+    /// Steps until the stage's budget is used up, from where an interrupted run was in it.
+    fn steps_of(&mut self, stage: &mut dyn Steps, mut place: Place) -> Result<u64, TrainError> {
+        let options = self.options;
+        let (mut stepping, mut steps, mut reported) = Default::default();
+        if let Some(Earlier(checkpoint)) = self.earlier.take() {
+            let at = &checkpoint.position;
+            checkpoint.restore(&options.device, |from| stage.restore(&at.stage, from))?;
+            (stepping, steps, reported) = (at.stepping, at.steps, at.reported);
+            place.began = at.began;
+            self.watch = Stopwatch::after(at.ran);
+            self.log.event(&Event::Resumed {
+                stage: place.stage,
+                step: at.steps,
+                seconds: at.ran.as_secs_f64(),
+            });
+        }
+        let budget = self.stage_budget(place.stage, place.began);
+        let mut clock = Clock::resumed(budget, stepping, steps);
+        let mut progress = Progress::new(place.stage, reported);
+        while !clock.is_over() {
+            if options.recovery.stop.is_requested() {
+                self.checkpoint(&place, &clock, &progress, stage)?;
+                return Err(TrainError::Stopped {
+                    folder: options.output.clone(),
+                    stage: place.stage,
+                    steps: clock.steps,
+                });
+            }
+            let (losses, rays) = stage.step(&clock)?;
+            clock.steps += 1;
+            progress.step(&clock, losses, rays, &mut self.log);
+            // What follows the geometry stage takes long, and must not cost it its last steps.
+            let over = place.stage == Stage::Geometry && clock.is_over();
+            if (over || self.saved.elapsed() >= options.recovery.every)
+                && let Err(error) = self.checkpoint(&place, &clock, &progress, stage)
+            {
+                let message = format!("{error}; the run goes on without this checkpoint");
+                self.log.event(&Event::Warning { message });
+            }
+        }
+        Ok(clock.steps)
+    }
+
+    fn checkpoint(
+        &mut self,
+        place: &Place,
+        clock: &Clock,
+        progress: &Progress,
+        stage: &dyn Steps,
+    ) -> Result<(), TrainError> {
+        let (memory, tensors) = stage.progress();
+        let position = Position {
+            version: checkpoint::VERSION,
+            identity: self.identity.clone(),
+            budget: self.options.budget,
+            ran: self.watch.elapsed(),
+            began: place.began,
+            steps: clock.steps,
+            stepping: clock.elapsed(),
+            geometry_steps: place.geometry_steps,
+            reported: progress.reported,
+            stage: memory,
+        };
+        let saved = position.save(&self.options.output, tensors);
+        // Also after a failure: a full disk must not be tried after every step.
+        self.saved = Instant::now();
+        self.log.event(&Event::Checkpoint { path: saved? });
+        Ok(())
+    }
+
+    fn preview(&mut self, name: &str, picture: &image::RgbImage) -> Result<(), TrainError> {
+        let path = self.options.output.join("previews").join(name);
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let failed = |reason: String| TrainError::Write {
+            path: path.clone(),
+            reason,
+        };
+        picture
+            .write_to(&mut bytes, image::ImageFormat::Png)
+            .map_err(|e| failed(e.to_string()))?;
+        write_whole(&path, bytes.get_ref())?;
+        self.log.event(&Event::Preview { path });
+        Ok(())
+    }
+
+    fn save(&mut self, file: &ModelFile) -> Result<(), TrainError> {
+        let path = file.save(&self.options.output)?;
+        self.log.event(&Event::Checkpoint { path });
+        Ok(())
+    }
+
+    fn style(&mut self, file: &mut ModelFile, geometry_steps: u64) -> Result<u64, TrainError> {
+        // The field stays as it was trained; only what concerns styles is taken from this run.
+        file.config.style = self.options.config.style.clone();
+        file.config.style_app = self.options.config.style_app.clone();
+        file.encoder = self.encoder.clone();
+        let (vgg, vae) = (file.config.style.perceptual.load()?, file.encoder()?);
+        let mut place = self.started(Stage::Style, geometry_steps);
+        let whole = self.stage_budget(Stage::Style, place.began);
+        let styles = self.gathered(file, &vgg, whole)?;
+        let shown: Vec<_> = (0..styles.len())
+            .step_by(styles.len().div_ceil(4).max(1))
+            .map(|index| styles.style(&vae, index, None))
+            .map(|style| Inspiration {
+                code: style.code,
+                palette: style.palette,
+            })
+            .collect();
+        let photos = photo_rays(self.scene.train().map(|(_, p)| p));
+        let frozen = Frozen {
+            weights: file.weights.clone(),
+            grids: file.grids.clone(),
+            photo_app: file.photo_app.clone(),
+        };
+        let mut stage = StyleStage::new(
+            &file.config,
+            frozen,
+            photos,
+            (vgg, vae),
+            styles,
+            self.options.seed,
+            &self.options.device,
+        );
+        place.began = self.watch.elapsed();
+        let steps = self.steps_of(&mut stage, place)?;
+        file.style = Some(stage.snapshot());
+        let model = Model::from_file(file.clone(), self.options.device.clone());
+        if let Some(preview) = validation::style_preview(&model, &shown) {
+            self.preview("style.png", &preview)?;
+        }
+        Ok(steps)
+    }
+}
+
+impl Run<'_> {
+    /// Statistics, from the cache or measured within a part of the stage's time.
+    fn gathered(
+        &mut self,
+        file: &ModelFile,
+        vgg: &Perceptual,
+        budget: Budget,
+    ) -> Result<StyleSet, TrainError> {
+        let folder = self.paintings.as_ref();
+        let sources = StyleSources {
+            folder,
+            generated: folder.map_or(GENERATED_ALONE, |_| file.config.style.generated),
+            patch: file.config.style.patch,
+            pictures: file.config.style.pictures,
+            cache: self.options.cache.as_deref(),
+            deadline: match budget {
+                Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),
+                Budget::Steps(_) => None,
+            },
+        };
+        let styles = StyleSet::gather(vgg, &sources, &mut |event| self.log.event(event))?;
+        self.unreadable = styles.unreadable.len();
+        Ok(styles)
+    }
+}
+
+fn model_scene(scene: &Scene) -> ModelScene {
+    let photos = scene.photos.iter().map(|photo| ModelPhoto {
+        name: photo.name.clone(),
+        split: photo.split,
+        camera: photo.camera,
+    });
+    ModelScene {
+        name: scene.name.clone(),
+        synthetic: scene.synthetic,
+        normalisation: scene.normalisation,
+        photos: photos.collect(),
+    }
+}
