@@ -176,6 +176,9 @@ pub fn describe(summary: &TrainSummary) -> String {
         summary.style_steps,
         clock(summary.seconds),
     );
+    if summary.finished_before {
+        text += "this run was over before: nothing was left to do\n";
+    }
     if summary.unreadable_paintings > 0 {
         text += &format!(
             "{} files of the style folder are no readable pictures and were left out\n",

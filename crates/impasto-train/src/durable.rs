@@ -5,6 +5,9 @@ use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::Path;
 
+/// Ending of files that are being written.
+const TEMPORARY: &str = "tmp";
+
 /// Writes a file under a temporary name, flushes it to the disk and renames it, so that nobody
 /// ever sees half of it and a crash leaves the old file or the new one.
 ///
@@ -21,7 +24,7 @@ pub(crate) fn write_verified(
     bytes: &[u8],
     right: &dyn Fn(&[u8]) -> bool,
 ) -> Result<(), TrainError> {
-    let temporary = path.with_extension("tmp");
+    let temporary = path.with_extension(TEMPORARY);
     let written = write_synced(&temporary, bytes).and_then(|()| {
         if !right(&std::fs::read(&temporary)?) {
             let problem = "what was written is not what can be read back; check the disk";
@@ -80,12 +83,24 @@ impl FolderLock {
                 process: process.trim().to_owned(),
             });
         }
+        remove_leftovers(folder).map_err(|e| TrainError::write(folder, &e))?;
         let noted = file.set_len(0).and_then(|()| file.rewind());
         noted
             .and_then(|()| writeln!(file, "{}", std::process::id()))
             .map_err(|e| TrainError::write(&path, &e))?;
         Ok(Self { _file: file })
     }
+}
+
+/// Removes what a killed run was writing.
+fn remove_leftovers(folder: &Path) -> io::Result<()> {
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|ending| ending == TEMPORARY) {
+            std::fs::remove_file(path)?;
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

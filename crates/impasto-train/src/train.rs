@@ -100,6 +100,8 @@ pub struct TrainSummary {
     pub unreadable_paintings: usize,
     /// Whether the photos were made by a program.
     pub synthetic: bool,
+    /// Whether the run was over before, so that nothing was left to resume.
+    pub finished_before: bool,
 }
 
 /// Trains and writes a model folder.
@@ -134,7 +136,10 @@ pub fn train(
     if let (None, Unfinished::Resume) = (&earlier, options.recovery.unfinished)
         && let Some(file) = finished(options, &identity)?
     {
-        return Ok(summary(options, &file, &scene, start.elapsed()));
+        return Ok(TrainSummary {
+            finished_before: true,
+            ..summary(options, &file, &scene, start.elapsed())
+        });
     }
     let ran = earlier.as_ref().map_or(start.elapsed(), |e| e.position.ran);
     let watch = Stopwatch::after(ran);
@@ -250,6 +255,7 @@ fn summary(
         paintings: made.map_or(0, |m| m.paintings),
         unreadable_paintings: made.map_or(0, |m| m.unreadable_paintings),
         synthetic: scene.synthetic,
+        finished_before: false,
     }
 }
 

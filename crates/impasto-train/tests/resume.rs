@@ -122,6 +122,7 @@ fn a_finished_run_is_not_repeated() {
     let wanted = model(&options);
     let mut events = 0;
     let again = train(&resumed(&options), &mut |_| events += 1).unwrap();
+    assert!(again.finished_before && !first.finished_before);
     assert_eq!(
         (events, again.psnr, again.style_steps),
         (0, first.psnr, first.style_steps)
