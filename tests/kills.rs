@@ -191,6 +191,7 @@ fn a_second_run_on_one_model_is_refused() {
 struct Tmpfs(TempDir);
 
 impl Tmpfs {
+    #[allow(clippy::print_stderr, reason = "a test says why it is skipped")]
     fn mount(size: &str) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let options = ["-t", "tmpfs", "-o", &format!("size={size}"), "tmpfs"];
@@ -200,7 +201,6 @@ impl Tmpfs {
             .stderr(Stdio::null())
             .status();
         if !mounted.is_ok_and(|status| status.success()) {
-            #[allow(clippy::print_stderr, reason = "a skipped test says why")]
             eprintln!("skipped: only root can mount a file system for this test");
             return None;
         }
@@ -263,7 +263,7 @@ fn a_full_disk_costs_checkpoints_and_nothing_else() {
     assert_eq!(output.status.code(), Some(1), "{message}");
     for part in [
         "error: cannot write",
-        "Read-only file system",
+        "read-only filesystem",
         "choose another",
     ] {
         assert!(message.contains(part), "{message}");
