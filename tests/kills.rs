@@ -19,7 +19,7 @@ const RUN: &str = "train scene -o model --steps 24 --checkpoint-every 0s --set s
     --set style.generated=3 --set style.pool=2 --set field.sampling.inner_grid=24 \
     --set field.sampling.outer_grid=24 --set field.inner.encoding.hash_grid.log2_entries=12 \
     --set field.outer.encoding.hash_grid.log2_entries=12 --set geometry.samples=20000 \
-    --set geometry.grid_every=4";
+    --set geometry.grid_every=4 --set style.hyper_width=8";
 
 fn command(folder: &Path, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_impasto"));
@@ -164,6 +164,35 @@ fn an_interruption_ends_the_step_and_says_how_to_go_on() {
         assert!(!message.contains("error"), "{message}");
         fs::remove_dir_all(folder.join("model")).unwrap();
     }
+}
+
+#[test]
+fn a_second_interruption_leaves_at_once() {
+    let folder = capture();
+    let folder = folder.path();
+    let mut child = command(folder, RUN).spawn().unwrap();
+    // Between the stages hundreds of pictures are looked at, and no step ends.
+    let geometry = folder.join("model/model.safetensors");
+    wait_for("model", || geometry.exists());
+    signal(&child, "-INT");
+    std::thread::sleep(Duration::from_millis(200));
+    assert!(child.try_wait().unwrap().is_none(), "it was to go on");
+    signal(&child, "-INT");
+    let output = child.wait_with_output().unwrap();
+    let message = told(&output);
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    assert!(message.contains("once more leaves at once"), "{message}");
+    assert!(
+        !folder.join("cache").exists(),
+        "pictures were still looked at"
+    );
+    let output = impasto(folder, &format!("{RUN} --resume"));
+    assert!(output.status.success(), "{}", told(&output));
+    assert!(
+        told(&output).contains("of the geometry stage"),
+        "{}",
+        told(&output)
+    );
 }
 
 #[test]
