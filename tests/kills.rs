@@ -9,13 +9,15 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use impasto::paintings::{Recipe, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use tempfile::TempDir;
 
 /// A run of both stages that takes a second or two and keeps a checkpoint after each step.
-const RUN: &str = "train scene -o model --steps 24 --checkpoint-every 0s --set style.patch=[36,44] \
+const RUN: &str = "train scene -o model --styles paintings --steps 24 --checkpoint-every 0s \
+    --set style.patch=[36,44] \
     --set style.generated=3 --set style.pool=2 --set field.sampling.inner_grid=24 \
     --set field.sampling.outer_grid=24 --set field.inner.encoding.hash_grid.log2_entries=12 \
     --set field.outer.encoding.hash_grid.log2_entries=12 --set geometry.samples=20000 \
@@ -43,7 +45,7 @@ fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// A folder with a small capture in `scene`.
+/// A folder with a small capture in `scene` and two paintings in `paintings`.
 fn capture() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let options = BuiltinOptions {
@@ -53,6 +55,14 @@ fn capture() -> TempDir {
         ..BuiltinOptions::default()
     };
     write_capture(&folder.path().join("scene"), &options).unwrap();
+    let paintings = folder.path().join("paintings");
+    fs::create_dir(&paintings).unwrap();
+    for seed in 0..2 {
+        let painting = paint(&Recipe::random(seed), 64, 48);
+        painting
+            .save(paintings.join(format!("{seed}.png")))
+            .unwrap();
+    }
     folder
 }
 
@@ -156,7 +166,7 @@ fn an_interruption_ends_the_step_and_says_how_to_go_on() {
         for part in [
             "stopped after ",
             " steps of the geometry stage",
-            "impasto train scene -o model --steps 100000",
+            "impasto train scene -o model --styles paintings --steps 100000",
             "--resume",
         ] {
             assert!(message.contains(part), "{message}");
@@ -170,8 +180,9 @@ fn an_interruption_ends_the_step_and_says_how_to_go_on() {
 fn a_second_interruption_leaves_at_once() {
     let folder = capture();
     let folder = folder.path();
-    let mut child = command(folder, RUN).spawn().unwrap();
-    // Between the stages hundreds of pictures are looked at, and no step ends.
+    let run = RUN.replace("--styles paintings", "");
+    let mut child = command(folder, &run).spawn().unwrap();
+    // Without paintings, hundreds of pictures are made and looked at after the geometry stage.
     let geometry = folder.join("model/model.safetensors");
     wait_for("model", || geometry.exists());
     signal(&child, "-INT");
@@ -186,13 +197,8 @@ fn a_second_interruption_leaves_at_once() {
         !folder.join("cache").exists(),
         "pictures were still looked at"
     );
-    let output = impasto(folder, &format!("{RUN} --resume"));
-    assert!(output.status.success(), "{}", told(&output));
-    assert!(
-        told(&output).contains("of the geometry stage"),
-        "{}",
-        told(&output)
-    );
+    let kept = fs::metadata(folder.join("model/checkpoint.safetensors"));
+    assert!(kept.is_ok_and(|file| file.len() > 0));
 }
 
 #[test]
