@@ -25,5 +25,6 @@ pub use detect::{Format, detect};
 pub use error::SceneError;
 pub use normalise::Normalisation;
 pub use photo::{downscale, read_rgb};
+pub use readers::colmap::photo_names as colmap_photo_names;
 pub use readers::nerf_plus_plus::camera_path as nerf_plus_plus_path;
 pub use scene::{LoadOptions, Observation, Photo, Scene, SparsePoint, Split, load};
