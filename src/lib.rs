@@ -37,6 +37,7 @@
 
 pub use impasto_eval as eval;
 pub use impasto_paintings as paintings;
+pub use impasto_prepare as prepare;
 pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{

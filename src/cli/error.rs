@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use impasto::eval::EvalError;
 use impasto::eval::study::StudyError;
+use impasto::prepare::PrepareError;
 use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::paths::PathError;
@@ -40,6 +41,9 @@ pub enum CliError {
     /// The capture.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// Making a capture of raw photos.
+    #[error(transparent)]
+    Prepare(#[from] PrepareError),
     /// Writing the built-in capture.
     #[error(transparent)]
     Capture(#[from] WriteCaptureError),

@@ -9,6 +9,7 @@ mod eval;
 mod info;
 mod interrupt;
 mod methods;
+mod prepare;
 mod progress;
 mod render;
 mod run_facts;
@@ -42,6 +43,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Demo(demo::DemoArgs),
+    Prepare(prepare::PrepareArgs),
     Train(train::TrainArgs),
     TrainEncoder(train_encoder::TrainEncoderArgs),
     TrainBaseline(train_baseline::TrainBaselineArgs),
@@ -70,6 +72,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let answer = device::guarded(|| match &cli.command {
         Command::Demo(args) => demo::run(args),
+        Command::Prepare(args) => prepare::run(args),
         Command::Train(args) => train::run(args),
         Command::TrainEncoder(args) => train_encoder::run(args),
         Command::TrainBaseline(args) => train_baseline::run(args),

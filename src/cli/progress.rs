@@ -3,6 +3,7 @@
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
 
+use impasto::prepare::{Phase, PrepareEvent};
 use impasto::{Event, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -244,6 +245,39 @@ impl Share {
         let left = self.start.elapsed().as_secs_f64() * (1.0 / progress.max(1e-9) - 1.0);
         let message = format!("{measures}  ETA {}", clock(left));
         self.face.show(progress, message);
+    }
+}
+
+/// Shows how captures are made.
+#[derive(Default)]
+pub struct Preparing {
+    shown: Option<(Phase, Face, Instant)>,
+}
+
+impl Preparing {
+    /// Shows one event.
+    pub fn show(&mut self, event: &PrepareEvent) {
+        match event {
+            PrepareEvent::Progress { phase, done, total } => {
+                let shown = self.shown.take().filter(|(shown, ..)| shown == phase);
+                let new = || (*phase, Face::new(phase.name()), Instant::now());
+                let (_, face, start) = self.shown.insert(shown.unwrap_or_else(new));
+                let progress = *done as f64 / *total as f64;
+                // Infinite at first, which reads as unknown.
+                let left = start.elapsed().as_secs_f64() * (1.0 / progress - 1.0);
+                let message = format!("{done} of {total}  ETA {}", clock(left));
+                face.show(progress, message);
+            }
+            PrepareEvent::Note { message } => self.say(message),
+            PrepareEvent::Warning { message } => self.say(&format!("warning: {message}")),
+        }
+    }
+
+    fn say(&self, text: &str) {
+        match &self.shown {
+            Some((_, face, _)) => face.say(text),
+            None => note(text),
+        }
     }
 }
 

@@ -86,6 +86,17 @@ pub(crate) fn read(model: &Path, binary: bool) -> Result<Capture, SceneError> {
     })
 }
 
+/// Names of the photos that the binary COLMAP model in the folder `model` has poses for, sorted.
+///
+/// # Errors
+/// A file `images.bin` that cannot be read or breaks the rules of its format.
+pub fn photo_names(model: &Path) -> Result<Vec<String>, SceneError> {
+    let images = bin::images(&model.join("images.bin"))?;
+    let mut names: Vec<String> = images.into_iter().map(|image| image.name).collect();
+    names.sort();
+    Ok(names)
+}
+
 /// The `images` folder beside the model or up to two folders above it.
 fn photo_folder(model: &Path) -> PathBuf {
     let beside = model.join("images");
