@@ -13,6 +13,7 @@ mod error;
 pub mod metrics;
 mod normalise;
 pub mod npy;
+pub mod overview;
 pub mod paths;
 mod photo;
 mod pose;

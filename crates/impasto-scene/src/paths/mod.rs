@@ -6,7 +6,7 @@
 
 mod keyframes;
 mod orbit;
-mod shape;
+pub(crate) mod shape;
 mod spiral;
 
 pub use keyframes::{KeyframeOptions, keyframes};

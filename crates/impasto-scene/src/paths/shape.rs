@@ -5,22 +5,22 @@ use glam::{DMat3, DMat4, DVec3};
 use crate::camera::Camera;
 
 /// The common geometry of a capture's cameras.
-pub(super) struct Shape {
+pub(crate) struct Shape {
     /// Unit vector away from the ground.
-    pub(super) up: DVec3,
+    pub(crate) up: DVec3,
     /// The point nearest to all viewing axes.
-    pub(super) target: DVec3,
+    pub(crate) target: DVec3,
     /// Mean camera centre.
-    pub(super) middle: DVec3,
+    pub(crate) middle: DVec3,
     /// Root mean square distance of the cameras from `middle`.
-    pub(super) extent: f64,
+    pub(crate) extent: f64,
     /// Mean of the unit viewing directions; its length is 1 when all are parallel.
-    pub(super) gaze: DVec3,
+    pub(crate) gaze: DVec3,
 }
 
 impl Shape {
     /// The shape of at least one camera.
-    pub(super) fn of(cameras: &[Camera]) -> Self {
+    pub(crate) fn of(cameras: &[Camera]) -> Self {
         let middle = mean(cameras, Camera::centre);
         let extent = (cameras
             .iter()

@@ -1,0 +1,236 @@
+//! A capture at a glance: its cameras and sparse points from above and from a side.
+
+mod canvas;
+
+use glam::{DVec2, DVec3};
+use image::RgbImage;
+
+use crate::camera::Camera;
+use crate::paths::shape::Shape;
+use crate::scene::{Scene, SparsePoint, Split};
+use canvas::{Canvas, Frame, Ink};
+
+/// Size of a picture: two square panels side by side.
+const SIZE: (u32, u32) = (1200, 600);
+const PANEL: f64 = 600.0;
+/// Room between a panel's edge and what is shown in it, in pixels.
+const MARGIN: f64 = 24.0;
+
+const GROUND: [u8; 3] = [250, 249, 246];
+const RULE: [u8; 3] = [150, 150, 155];
+const TRAIN: [u8; 3] = [24, 92, 200];
+const TEST: [u8; 3] = [226, 72, 12];
+
+/// Points farther out than this share of all along an axis do not widen the picture.
+const OUTLIERS: f64 = 0.04;
+/// Nor do points beyond this many scene units: the cameras, which reach to 1/1.1, stay readable.
+const FARTHEST: f64 = 1.7;
+
+/// The capture from above (left) and from a side at the same scale (right), 1200 × 600.
+///
+/// Cameras to learn from are blue wedges that open where they look, held-out ones orange. Sparse
+/// points have their own colours; those far from all others may lie outside. The grey circle is
+/// the unit ball, the cross is what the cameras look at. Both panels have the same horizontal
+/// axis: across the viewing direction where the cameras share one, else along their widest spread.
+pub fn picture(scene: &Scene) -> RgbImage {
+    let mut canvas = Canvas::new(SIZE, GROUND);
+    let cameras: Vec<Camera> = scene.photos.iter().map(|photo| photo.camera).collect();
+    if cameras.is_empty() {
+        return canvas.picture();
+    }
+    let shape = Shape::of(&cameras);
+    let [across, away, up] = axes(&cameras, &shape);
+    let bounds = Bounds::of(scene, &shape, [across, away, up]);
+    let reach = wedge_length(&cameras, bounds.half);
+    for (index, [right, above, towards]) in [[across, away, up], [across, up, -away]]
+        .into_iter()
+        .enumerate()
+    {
+        let left = index as f64 * PANEL;
+        let panel = Panel {
+            right,
+            above,
+            towards,
+            centre: bounds.centre,
+            origin: DVec2::new(left + 0.5 * PANEL, 0.5 * PANEL),
+            scale: (0.5 * PANEL - MARGIN) / bounds.half,
+            frame: Frame {
+                from: DVec2::new(left, 0.0),
+                to: DVec2::new(left + PANEL, PANEL),
+            },
+        };
+        panel.draw(&mut canvas, scene, shape.target, reach);
+    }
+    let divider = [DVec2::new(PANEL, 0.0), DVec2::new(PANEL, PANEL)];
+    let whole = Frame {
+        from: DVec2::ZERO,
+        to: DVec2::new(2.0 * PANEL, PANEL),
+    };
+    canvas.line(&whole, divider, 1.0, solid(RULE));
+    canvas.picture()
+}
+
+fn solid(colour: [u8; 3]) -> Ink {
+    Ink {
+        colour,
+        opacity: 1.0,
+    }
+}
+
+/// Across, away from the viewer, and up: a right-handed frame to look at the capture in.
+fn axes(cameras: &[Camera], shape: &Shape) -> [DVec3; 3] {
+    let up = shape.up;
+    let level = |v: DVec3| v - up * v.dot(up);
+    let gaze = level(shape.gaze);
+    // Viewing directions with less in common than this look around, or at something from around.
+    let away = if gaze.length() > 0.3 {
+        gaze.normalize()
+    } else {
+        up.cross(widest(cameras, shape, up))
+    };
+    [away.cross(up), away, up]
+}
+
+/// The level direction along which the cameras are spread most.
+fn widest(cameras: &[Camera], shape: &Shape, up: DVec3) -> DVec3 {
+    let first = up.any_orthonormal_vector();
+    let second = up.cross(first);
+    let [mut along, mut both, mut beside] = [0.0; 3];
+    for camera in cameras {
+        let arm = camera.centre() - shape.middle;
+        let (a, b) = (arm.dot(first), arm.dot(second));
+        (along, both, beside) = (along + a * a, both + a * b, beside + b * b);
+    }
+    // Angle of the larger principal axis of a symmetric 2 × 2 matrix.
+    let angle = 0.5 * f64::atan2(2.0 * both, along - beside);
+    first * angle.cos() + second * angle.sin()
+}
+
+/// What the panels show: a box around the cameras and most points.
+struct Bounds {
+    centre: DVec3,
+    /// Half of the box's longest side.
+    half: f64,
+}
+
+impl Bounds {
+    fn of(scene: &Scene, shape: &Shape, axes: [DVec3; 3]) -> Self {
+        let mut centre = DVec3::ZERO;
+        let mut half: f64 = 1e-6;
+        for axis in axes {
+            let cameras = scene.photos.iter().map(|p| p.camera.centre().dot(axis));
+            let (mut least, mut most) =
+                span(cameras.chain([shape.target.dot(axis).clamp(-FARTHEST, FARTHEST)]));
+            let mut points: Vec<f64> = scene.points.iter().map(|p| p.position.dot(axis)).collect();
+            points.sort_by(f64::total_cmp);
+            let cut = (points.len() as f64 * OUTLIERS) as usize;
+            if let [first, .., last] = points[cut..points.len() - cut] {
+                least = least.min(first.max(-FARTHEST));
+                most = most.max(last.min(FARTHEST));
+            }
+            centre += axis * (0.5 * (least + most));
+            half = half.max(0.5 * (most - least));
+        }
+        Self { centre, half }
+    }
+}
+
+fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), v| {
+        (least.min(v), most.max(v))
+    })
+}
+
+/// How long wedges are: about as far as the next camera, and always to be seen.
+fn wedge_length(cameras: &[Camera], half: f64) -> f64 {
+    let mut nearest: Vec<f64> = cameras
+        .iter()
+        .enumerate()
+        .map(|(i, camera)| {
+            let others = cameras.iter().enumerate().filter(|(j, _)| *j != i);
+            let distances = others.map(|(_, other)| other.centre().distance(camera.centre()));
+            distances.fold(f64::INFINITY, f64::min)
+        })
+        .collect();
+    nearest.sort_by(f64::total_cmp);
+    nearest[nearest.len() / 2].clamp(0.06 * half, 0.16 * half)
+}
+
+/// One orthographic view.
+struct Panel {
+    right: DVec3,
+    above: DVec3,
+    /// Towards the viewer: what is farther along it covers the rest.
+    towards: DVec3,
+    centre: DVec3,
+    /// Where `centre` is on the canvas.
+    origin: DVec2,
+    /// Pixels per scene unit.
+    scale: f64,
+    frame: Frame,
+}
+
+impl Panel {
+    fn place(&self, point: DVec3) -> DVec2 {
+        let arm = (point - self.centre) * self.scale;
+        self.origin + DVec2::new(arm.dot(self.right), -arm.dot(self.above))
+    }
+
+    fn draw(&self, canvas: &mut Canvas, scene: &Scene, target: DVec3, reach: f64) {
+        let ball = self.place(DVec3::ZERO);
+        canvas.circle(&self.frame, ball, (self.scale, 1.0), solid(RULE));
+        self.points(canvas, &scene.points);
+        // Held-out cameras are few: they lie over the others.
+        for split in [Split::Train, Split::Test] {
+            for photo in scene.photos.iter().filter(|p| p.split == split) {
+                let colour = match split {
+                    Split::Train => TRAIN,
+                    Split::Test => TEST,
+                };
+                self.wedge(canvas, &photo.camera, reach, colour);
+            }
+        }
+        let cross = self.place(target);
+        for arm in [DVec2::X * 7.0, DVec2::Y * 7.0] {
+            let ends = [cross - arm, cross + arm];
+            canvas.line(&self.frame, ends, 4.0, solid(GROUND));
+            canvas.line(&self.frame, ends, 1.5, solid([0; 3]));
+        }
+    }
+
+    fn points(&self, canvas: &mut Canvas, points: &[SparsePoint]) {
+        let mut order: Vec<(f64, usize)> = points
+            .iter()
+            .enumerate()
+            .map(|(i, point)| (point.position.dot(self.towards), i))
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // Many points are drawn small, few large enough to be seen.
+        let radius = (60.0 / (points.len() as f64 + 1.0).sqrt()).clamp(0.9, 2.0);
+        for (_, index) in order {
+            let point = &points[index];
+            let at = self.place(point.position);
+            canvas.disc(&self.frame, at, radius, solid(point.colour));
+        }
+    }
+
+    /// A camera as the pyramid that it sees.
+    fn wedge(&self, canvas: &mut Canvas, camera: &Camera, reach: f64, colour: [u8; 3]) {
+        let k = &camera.intrinsics;
+        let (width, height) = (f64::from(k.width), f64::from(k.height));
+        let tip = self.place(camera.centre());
+        let corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(|(x, y)| {
+            let ray = camera.ray(x, y);
+            self.place(ray.origin + ray.direction * reach)
+        });
+        // Wedges that stand in a row, seen from its end, must not hide what is behind them.
+        let ink = |opacity| Ink { colour, opacity };
+        for i in 0..4 {
+            let (a, b) = (corners[i], corners[(i + 1) % 4]);
+            canvas.triangle(&self.frame, [tip, a, b], ink(0.12));
+            canvas.line(&self.frame, [tip, a], 1.0, ink(0.7));
+            canvas.line(&self.frame, [a, b], 1.0, ink(0.7));
+        }
+        canvas.disc(&self.frame, tip, 2.5, solid(colour));
+    }
+}
