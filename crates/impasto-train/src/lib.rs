@@ -7,6 +7,7 @@ pub mod budget;
 pub mod config;
 mod encoder;
 mod error;
+pub mod estimate;
 pub mod event;
 mod geometry_stage;
 mod hash;
