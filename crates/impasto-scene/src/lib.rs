@@ -10,6 +10,7 @@ mod camera;
 mod codec;
 mod detect;
 mod error;
+pub mod inspect;
 pub mod metrics;
 mod normalise;
 pub mod npy;

@@ -199,7 +199,13 @@ impl GeometryStage {
         stage
     }
 
-    fn of_photos(photos: &[&Photo], config: &TrainConfig, seed: u64, device: &Device) -> Self {
+    /// Prepares photos of which no surfaces are known.
+    pub(crate) fn of_photos(
+        photos: &[&Photo],
+        config: &TrainConfig,
+        seed: u64,
+        device: &Device,
+    ) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed);
         let field = Field::new(config.field.clone());
         let mut weights = field.init(&mut rng, device);

@@ -9,6 +9,7 @@ pub mod config;
 mod durable;
 mod encoder;
 mod error;
+pub mod estimate;
 pub mod event;
 mod geometry_stage;
 mod hash;

@@ -33,6 +33,12 @@ const PREPARATION: f64 = 0.12;
 /// Most of a time budget that comparing held-out views may take.
 const COMPARISON: f64 = 0.05;
 
+/// When the two stages of a time budget end: after the last, some of it is kept for checks.
+pub(crate) fn end_of_stages(total: Duration, geometry_share: f64) -> [Duration; 2] {
+    let reserve = total.mul_f64(RESERVE).max(LEAST_RESERVE).min(total / 4);
+    [total.mul_f64(geometry_share), total.saturating_sub(reserve)]
+}
+
 /// A run at work.
 pub(crate) struct Run<'a> {
     pub(crate) options: &'a TrainOptions,
@@ -195,11 +201,11 @@ impl Run<'_> {
             (Budget::Steps(_), Stage::Style) => return self.options.budget.share(1.0 - share),
             (Budget::Time(total), _) => total,
         };
-        let reserve = total.mul_f64(RESERVE).max(LEAST_RESERVE).min(total / 4);
+        let [geometry, style] = end_of_stages(total, share);
         let end = match stage {
-            Stage::Geometry if only => total.mul_f64(1.0 - COMPARISON).saturating_sub(reserve),
-            Stage::Geometry => total.mul_f64(share),
-            Stage::Style => total.saturating_sub(reserve),
+            Stage::Geometry if only => style.saturating_sub(total.mul_f64(COMPARISON)),
+            Stage::Geometry => geometry,
+            Stage::Style => style,
         };
         let left = end.saturating_sub(began);
         Budget::Time(left.max(Duration::from_millis(100)))

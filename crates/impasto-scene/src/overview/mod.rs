@@ -39,7 +39,7 @@ pub fn picture(scene: &Scene) -> RgbImage {
         return canvas.picture();
     }
     let shape = Shape::of(&cameras);
-    let [across, away, up] = axes(&cameras, &shape);
+    let [across, away, up] = shape.axes(&cameras);
     let bounds = Bounds::of(scene, &shape, [across, away, up]);
     let reach = wedge_length(&cameras, bounds.half);
     for (index, [right, above, towards]) in [[across, away, up], [across, up, -away]]
@@ -75,35 +75,6 @@ fn solid(colour: [u8; 3]) -> Ink {
         colour,
         opacity: 1.0,
     }
-}
-
-/// Across, away from the viewer, and up: a right-handed frame to look at the capture in.
-fn axes(cameras: &[Camera], shape: &Shape) -> [DVec3; 3] {
-    let up = shape.up;
-    let level = |v: DVec3| v - up * v.dot(up);
-    let gaze = level(shape.gaze);
-    // Viewing directions with less in common than this look around, or at something from around.
-    let away = if gaze.length() > 0.3 {
-        gaze.normalize()
-    } else {
-        up.cross(widest(cameras, shape, up))
-    };
-    [away.cross(up), away, up]
-}
-
-/// The level direction along which the cameras are spread most.
-fn widest(cameras: &[Camera], shape: &Shape, up: DVec3) -> DVec3 {
-    let first = up.any_orthonormal_vector();
-    let second = up.cross(first);
-    let [mut along, mut both, mut beside] = [0.0; 3];
-    for camera in cameras {
-        let arm = camera.centre() - shape.middle;
-        let (a, b) = (arm.dot(first), arm.dot(second));
-        (along, both, beside) = (along + a * a, both + a * b, beside + b * b);
-    }
-    // Angle of the larger principal axis of a symmetric 2 × 2 matrix.
-    let angle = 0.5 * f64::atan2(2.0 * both, along - beside);
-    first * angle.cos() + second * angle.sin()
 }
 
 /// What the panels show: a box around the cameras and most points.

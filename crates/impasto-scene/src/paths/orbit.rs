@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat4, DVec3};
 
-use super::shape::Shape;
+use super::shape::{Shape, largest_gap};
 use super::{PathError, check_request, median_lens, spiral};
 use crate::camera::Camera;
 
@@ -96,7 +96,7 @@ impl Ring {
             .map(|c| (shape.target - c.centre()).dot(c.forward()).signum())
             .sum();
         let stations: Vec<Station> = cameras.iter().map(station).collect();
-        let (gap_end, gap) = largest_gap(&stations);
+        let (gap_end, gap) = largest_gap(stations.iter().map(|s| s.azimuth));
         // Wide enough to bridge the gaps that are crossed, narrow enough to follow the walk.
         let width = if gap > GAP {
             0.25
@@ -147,20 +147,4 @@ impl Ring {
             position.extend(1.0),
         )
     }
-}
-
-/// The azimuth at which the largest stretch without photos ends, and its width.
-fn largest_gap(stations: &[Station]) -> (f64, f64) {
-    let mut azimuths: Vec<f64> = stations.iter().map(|s| s.azimuth).collect();
-    azimuths.sort_by(f64::total_cmp);
-    let around = azimuths.first().map_or(0.0, |first| first + TAU);
-    let nexts = azimuths.iter().skip(1).copied().chain([around]);
-    azimuths
-        .iter()
-        .zip(nexts)
-        .map(|(&from, to)| (to, to - from))
-        .fold(
-            (0.0, 0.0),
-            |widest, gap| if gap.1 > widest.1 { gap } else { widest },
-        )
 }

@@ -1,5 +1,7 @@
 //! How the cameras of a capture stand: which way is up and what they look at.
 
+use std::f64::consts::TAU;
+
 use glam::{DMat3, DMat4, DVec3};
 
 use crate::camera::Camera;
@@ -36,6 +38,36 @@ impl Shape {
             gaze: mean(cameras, Camera::forward),
         }
     }
+
+    /// Across, away and up: a right-handed frame to look at the capture in. Away is where most
+    /// cameras look; where they share no direction, across is the level one of their widest spread.
+    pub(crate) fn axes(&self, cameras: &[Camera]) -> [DVec3; 3] {
+        // Viewing directions with less in common than this look around, or at something from around.
+        const COMMON: f64 = 0.3;
+        let up = self.up;
+        let gaze = self.gaze - up * self.gaze.dot(up);
+        let away = if gaze.length() > COMMON {
+            gaze.normalize()
+        } else {
+            up.cross(self.widest(cameras))
+        };
+        [away.cross(up), away, up]
+    }
+
+    /// The level direction along which the cameras are spread most.
+    fn widest(&self, cameras: &[Camera]) -> DVec3 {
+        let first = self.up.any_orthonormal_vector();
+        let second = self.up.cross(first);
+        let [mut along, mut both, mut beside] = [0.0; 3];
+        for camera in cameras {
+            let arm = camera.centre() - self.middle;
+            let (a, b) = (arm.dot(first), arm.dot(second));
+            (along, both, beside) = (along + a * a, both + a * b, beside + b * b);
+        }
+        // Angle of the larger principal axis of a symmetric 2 × 2 matrix.
+        let angle = 0.5 * f64::atan2(2.0 * both, along - beside);
+        first * angle.cos() + second * angle.sin()
+    }
 }
 
 fn mean(cameras: &[Camera], of: impl Fn(&Camera) -> DVec3) -> DVec3 {
@@ -56,7 +88,8 @@ fn up(cameras: &[Camera]) -> DVec3 {
     let system = across * (1.0 / cameras.len() as f64) + DMat3::IDENTITY * TRUST_IN_MEAN;
     (system.inverse() * mean_up)
         .try_normalize()
-        .unwrap_or_else(|| -cameras[0].camera_to_world.y_axis.truncate())
+        .or_else(|| Some(-cameras.first()?.camera_to_world.y_axis.truncate()))
+        .unwrap_or(DVec3::Z)
 }
 
 /// The point nearest to all viewing axes, by least squares with weights that fall with a line's
@@ -109,4 +142,20 @@ pub(super) fn looking(position: DVec3, forward: DVec3, up: DVec3) -> DMat4 {
         z.extend(0.0),
         position.extend(1.0),
     )
+}
+
+/// The azimuth at which the largest stretch without any of `azimuths` ends, and its width.
+pub(crate) fn largest_gap(azimuths: impl Iterator<Item = f64>) -> (f64, f64) {
+    let mut azimuths: Vec<f64> = azimuths.collect();
+    azimuths.sort_by(f64::total_cmp);
+    let around = azimuths.first().map_or(0.0, |first| first + TAU);
+    let nexts = azimuths.iter().skip(1).copied().chain([around]);
+    azimuths
+        .iter()
+        .zip(nexts)
+        .map(|(&from, to)| (to, to - from))
+        .fold(
+            (0.0, 0.0),
+            |widest, gap| if gap.1 > widest.1 { gap } else { widest },
+        )
 }

@@ -1,18 +1,21 @@
 //! `impasto info`.
 
-use std::collections::BTreeMap;
+mod scene;
+mod training;
+mod words;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use impasto::Model;
-use impasto::scene::{Format, LoadOptions, Scene, Split, load};
+use impasto::scene::Format;
 use impasto_train::MODEL_FILE;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use super::train::Preset;
 use super::{Answer, CliError, to_json};
 
-/// Describe a capture, a model or a preset
+/// Describe a capture and what is wrong with it, a model or a preset
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// A capture's or a model's folder
@@ -21,65 +24,64 @@ pub struct InfoArgs {
     /// Describe what this preset would train
     #[arg(long, value_enum, conflicts_with = "path")]
     preset: Option<Preset>,
+    #[command(flatten)]
+    scene: SceneArgs,
+}
+
+/// How to look at a capture.
+#[derive(Debug, Args)]
+struct SceneArgs {
     /// Format of the capture, where it should not be detected: colmap, transforms, nerf++ or llff
     #[arg(long)]
     format: Option<Format>,
+    /// Shrink the photos this many times, as for training
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: u32,
+    /// Draw cameras and points from above and from a side
+    #[arg(short = 'o', long, value_name = "FILE.png", conflicts_with = "preset")]
+    picture: Option<PathBuf>,
+    /// Do not measure how fast this machine trains
+    #[arg(long)]
+    quick: bool,
 }
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<Answer, CliError> {
-    let (kind, facts) = match (&args.preset, &args.path) {
-        (Some(preset), _) => ("preset", preset.config().info()),
-        (None, Some(path)) if is_model(path) => ("model", Model::load(path)?.file.info()),
-        (None, path) => {
-            let options = LoadOptions {
-                format: args.format,
-                ..LoadOptions::default()
-            };
-            let path = path.as_deref().unwrap_or(Path::new("."));
-            ("scene", describe(&load(path, &options)?))
+    let path = args.path.as_deref().unwrap_or(Path::new("."));
+    let (kind, facts) = match &args.preset {
+        Some(preset) => ("preset", preset.config().info()),
+        None if !is_model(path) => {
+            let (facts, text) = scene::describe(path, &args.scene)?;
+            let json = labelled("scene", facts);
+            return Ok(Answer { text, json });
         }
+        None if args.scene.picture.is_some() => {
+            return Err(CliError::Usage(format!(
+                "--picture shows captures, and {} is a model: give the capture's folder",
+                path.display()
+            )));
+        }
+        None => ("model", Model::load(path)?.file.info()),
     };
-    let mut all = Map::new();
-    all.insert("kind".into(), kind.into());
-    if let Value::Object(facts) = facts {
-        all.extend(facts);
-    }
-    let json = Value::Object(all);
+    let json = labelled(kind, facts);
     Ok(Answer {
         text: outline(&json),
         json,
     })
 }
 
-fn is_model(path: &Path) -> bool {
-    path.join(MODEL_FILE).is_file() || path.extension().is_some_and(|e| e == "safetensors")
+/// Facts with what they are facts of.
+fn labelled(kind: &str, facts: Value) -> Value {
+    let mut all = Map::new();
+    all.insert("kind".into(), kind.into());
+    if let Value::Object(facts) = facts {
+        all.extend(facts);
+    }
+    Value::Object(all)
 }
 
-fn describe(scene: &Scene) -> Value {
-    let mut sizes = BTreeMap::new();
-    for photo in &scene.photos {
-        *sizes.entry(photo.pixels.dimensions()).or_insert(0) += 1;
-    }
-    let sizes: Vec<Value> = sizes
-        .into_iter()
-        .map(|((width, height), count)| json!({"w": width, "h": height, "photos": count}))
-        .collect();
-    let names = |split| -> Vec<&str> {
-        let photos = scene.photos.iter().filter(|photo| photo.split == split);
-        photos.map(|photo| photo.name.as_str()).collect()
-    };
-    json!({
-        "name": scene.name,
-        "format": scene.format,
-        "synthetic": scene.synthetic,
-        "photos": scene.photos.len(),
-        "sizes": sizes,
-        "train": names(Split::Train),
-        "test": names(Split::Test),
-        "points": scene.points.len(),
-        "normalisation": to_json(&scene.normalisation),
-    })
+fn is_model(path: &Path) -> bool {
+    path.join(MODEL_FILE).is_file() || path.extension().is_some_and(|e| e == "safetensors")
 }
 
 /// JSON as indented lines for people.
@@ -138,6 +140,8 @@ fn inline(value: &Value) -> String {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     #[test]

@@ -1,0 +1,120 @@
+//! How photos look beside their neighbours, which show the same things.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use super::look::{Look, Luma, WholeLook};
+use super::median;
+use super::neighbours::{Neighbour, Seen};
+use crate::scene::Photo;
+
+/// How a photo looks beside its neighbours.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Comparison {
+    /// Logarithm of its detail over theirs.
+    pub(super) detail: f64,
+    /// Logarithm of its fine over its coarse detail, less theirs.
+    pub(super) slope: f64,
+    /// Stops (factors of two of light) that it is brighter.
+    pub(super) stops: f64,
+    /// Whether the same points were compared, not the whole photos.
+    pub(super) at_points: bool,
+}
+
+/// Neighbours that a photo is compared with, and the fewest that allow a judgement: with two, one
+/// cannot tell which of three differs.
+const COMPARED: usize = 5;
+const FEWEST: usize = 3;
+/// Fewest points in common that allow a judgement.
+const LEAST_POINTS: usize = 12;
+
+/// Stops for a ratio of stored values, which are about the 2.2nd root of the light.
+fn stops(ratio: f64) -> f64 {
+    2.2 * ratio.log2()
+}
+
+/// Looks of all photos.
+pub(super) fn looks(photos: &[Photo], seen: &[Seen]) -> Vec<(WholeLook, PointLooks)> {
+    let look = |(photo, seen): (&Photo, &Seen)| {
+        let luma = Luma::of(&photo.pixels);
+        let around = seen
+            .iter()
+            .filter_map(|(point, pixel)| Some((*point, luma.around(*pixel)?)));
+        (luma.whole(), around.collect())
+    };
+    photos.par_iter().zip(seen).map(look).collect()
+}
+
+/// Looks around the sparse points that a photo sees.
+pub(super) type PointLooks = HashMap<usize, Look>;
+
+/// Compares every photo with its neighbours; `None` where there are too few.
+pub(super) fn compare(
+    looks: &[(WholeLook, PointLooks)],
+    neighbours: &[Vec<Neighbour>],
+) -> Vec<Option<Comparison>> {
+    let compared = (0..looks.len()).into_par_iter().map(|index| {
+        let near: Vec<usize> = neighbours[index]
+            .iter()
+            .filter(|n| n.overlap >= 0.2)
+            .take(COMPARED)
+            .map(|n| n.photo)
+            .collect();
+        at_points(looks, index, &near).or_else(|| as_wholes(looks, index, &near))
+    });
+    compared.collect()
+}
+
+fn at_points(
+    looks: &[(WholeLook, PointLooks)],
+    index: usize,
+    near: &[usize],
+) -> Option<Comparison> {
+    let own = &looks[index].1;
+    let [mut details, mut brighter] = [Vec::new(), Vec::new()];
+    for &photo in near {
+        let other = &looks[photo].1;
+        let shared: Vec<(&Look, &Look)> = own
+            .iter()
+            .filter_map(|(point, look)| Some((look, other.get(point)?)))
+            .collect();
+        if shared.len() < LEAST_POINTS {
+            continue;
+        }
+        details.push(median(shared.iter().map(|(a, b)| a.detail - b.detail))?);
+        // The floor keeps the noise of black pixels from becoming stops.
+        let ratio = |(a, b): &(&Look, &Look)| stops((a.brightness + 4.0) / (b.brightness + 4.0));
+        brighter.push(median(shared.iter().map(ratio))?);
+    }
+    if details.len() < FEWEST {
+        return None;
+    }
+    Some(Comparison {
+        detail: median(details.into_iter())?,
+        slope: 0.0,
+        stops: median(brighter.into_iter())?,
+        at_points: true,
+    })
+}
+
+fn as_wholes(
+    looks: &[(WholeLook, PointLooks)],
+    index: usize,
+    near: &[usize],
+) -> Option<Comparison> {
+    if near.len() < FEWEST {
+        return None;
+    }
+    let own = &looks[index].0;
+    let against = |of: fn(&WholeLook) -> f64| {
+        let others = near.iter().map(|photo| of(&looks[*photo].0));
+        Some(of(own) - median(others)?)
+    };
+    Some(Comparison {
+        detail: against(|l| l.look.detail)?,
+        slope: against(|l| l.slope)?,
+        stops: against(|l| stops(l.look.brightness + 4.0))?,
+        at_points: false,
+    })
+}
