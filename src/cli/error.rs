@@ -12,6 +12,8 @@ use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::paths::PathError;
 use impasto::{NoDevice, StyleError, TrainError};
 
+use super::Answer;
+
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
@@ -21,6 +23,12 @@ pub enum CliError {
     /// The arguments ask for what this version cannot do, or the data does not allow.
     #[error("{0}")]
     Refused(String),
+    /// Items of a batch failed. What there is to say of all is printed as if none had.
+    #[error(
+        "some of the batch failed, see above; mend it and run the same command again, what is done \
+         is kept"
+    )]
+    SomeFailed(Box<Answer>),
     /// Styles for a model without any.
     #[error("this model has learned no styles; train it with --stage style first")]
     Unstyled,

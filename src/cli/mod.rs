@@ -1,5 +1,6 @@
 //! The command line. A command is one file: its arguments and how they become an [`Answer`].
 
+mod batch;
 mod bench;
 mod console;
 mod demo;
@@ -14,6 +15,7 @@ mod progress;
 mod render;
 mod run_facts;
 mod settings;
+mod shard;
 mod study;
 mod train;
 mod train_baseline;
@@ -48,6 +50,7 @@ enum Command {
     TrainEncoder(train_encoder::TrainEncoderArgs),
     TrainBaseline(train_baseline::TrainBaselineArgs),
     Render(render::RenderArgs),
+    Batch(batch::BatchArgs),
     Eval(eval::EvalArgs),
     Study(study::StudyArgs),
     Info(info::InfoArgs),
@@ -56,9 +59,19 @@ enum Command {
 }
 
 /// What a command has to say in the end, for people and for programs.
-struct Answer {
+#[derive(Debug)]
+pub struct Answer {
     text: String,
     json: Value,
+}
+
+impl Answer {
+    fn print(&self, as_json: bool) {
+        match as_json {
+            true => console::result(&self.json.to_string()),
+            false => console::result(&self.text),
+        }
+    }
 }
 
 /// A plain structure as JSON. Numbers that JSON lacks (NaN, infinity) become `null`.
@@ -77,6 +90,7 @@ pub fn main() -> ExitCode {
         Command::TrainEncoder(args) => train_encoder::run(args),
         Command::TrainBaseline(args) => train_baseline::run(args),
         Command::Render(args) => render::run(args),
+        Command::Batch(args) => batch::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Study(args) => study::run(args),
         Command::Info(args) => info::run(args),
@@ -84,12 +98,15 @@ pub fn main() -> ExitCode {
         Command::Bench(args) => bench::run(args),
     });
     match answer {
-        Ok(answer) if cli.json => console::result(&answer.json.to_string()),
-        Ok(answer) => console::result(&answer.text),
+        Ok(answer) => answer.print(cli.json),
         Err(error) => {
             match &error {
                 CliError::Train(TrainError::Stopped { .. }) => {
                     console::note(format_args!("{error}:\n  {}", run_facts::resuming()));
+                }
+                CliError::SomeFailed(answer) => {
+                    answer.print(cli.json);
+                    console::error(&error);
                 }
                 _ => console::error(&error),
             }

@@ -6,8 +6,40 @@ use std::path::{Path, PathBuf};
 use impasto::scene::npy;
 use serde_json::{Value, json};
 
-use super::{Frame, Sink, Staging, picture};
+use super::{Frame, Sink, Staging, View, picture};
 use crate::cli::CliError;
+
+/// The file that says where the frames were seen from.
+pub const CAMERAS: &str = "cameras.json";
+
+/// Names of a frame's files.
+pub fn names(frame: usize, depth: bool) -> Vec<String> {
+    let mut names = vec![format!("{frame:04}.png")];
+    if depth {
+        names.push(format!("{frame:04}.depth.npy"));
+    }
+    names
+}
+
+/// The text of `cameras.json`.
+pub fn cameras<'a>(
+    views: impl IntoIterator<Item = &'a View>,
+    depth: bool,
+    synthetic: bool,
+) -> String {
+    let entry = |(frame, view): (usize, &View)| {
+        let mut entry = crate::cli::to_json(&view.camera);
+        for (key, name) in ["file", "depth_file"].iter().zip(names(frame, depth)) {
+            entry[key] = name.into();
+        }
+        if let Some(photo) = &view.photo {
+            entry["photo"] = photo.as_str().into();
+        }
+        entry
+    };
+    let frames: Vec<Value> = views.into_iter().enumerate().map(entry).collect();
+    format!("{:#}\n", json!({"synthetic": synthetic, "frames": frames}))
+}
 
 /// `0000.png …`, `0000.depth.npy …` and `cameras.json`; with several variants, all of that in one
 /// sub-folder per variant, so that each can be read alone.
@@ -18,7 +50,7 @@ pub struct Folder {
     variants: Vec<PathBuf>,
     depth: bool,
     synthetic: bool,
-    frames: Vec<Value>,
+    views: Vec<View>,
 }
 
 impl Folder {
@@ -38,7 +70,7 @@ impl Folder {
             },
             depth,
             synthetic,
-            frames: Vec::new(),
+            views: Vec::new(),
         })
     }
 
@@ -50,34 +82,24 @@ impl Folder {
 
 impl Sink for Folder {
     fn add(&mut self, frame: Frame<'_>) -> Result<(), CliError> {
-        let number = self.frames.len();
-        let (file, depth) = (format!("{number:04}.png"), format!("{number:04}.depth.npy"));
+        let names = names(self.views.len(), self.depth);
         let k = &frame.view.camera.intrinsics;
         let array = npy::encode(frame.depth, k.width, k.height);
         for (variant, picture) in frame.pictures.iter().enumerate() {
-            picture::save_png(picture, &self.stage(variant, &file)?)?;
-            if self.depth {
-                let path = self.stage(variant, &depth)?;
+            picture::save_png(picture, &self.stage(variant, &names[0])?)?;
+            if let Some(depth) = names.get(1) {
+                let path = self.stage(variant, depth)?;
                 fs::write(&path, &array).map_err(CliError::write(&path))?;
             }
         }
-        let mut entry = crate::cli::to_json(&frame.view.camera);
-        entry["file"] = file.into();
-        if self.depth {
-            entry["depth_file"] = depth.into();
-        }
-        if let Some(photo) = &frame.view.photo {
-            entry["photo"] = photo.as_str().into();
-        }
-        self.frames.push(entry);
+        self.views.push(frame.view.clone());
         Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> Result<Vec<PathBuf>, CliError> {
-        let cameras = json!({"synthetic": self.synthetic, "frames": self.frames});
-        let text = format!("{cameras:#}\n");
+        let text = cameras(&self.views, self.depth, self.synthetic);
         for variant in 0..self.variants.len() {
-            let path = self.stage(variant, "cameras.json")?;
+            let path = self.stage(variant, CAMERAS)?;
             fs::write(&path, &text).map_err(CliError::write(&path))?;
         }
         self.staging.commit()?;

@@ -1,14 +1,21 @@
-//! Pictures, films and folders of frames, written as a whole or not at all.
+//! Pictures, films and folders of frames, written as a whole or not at all; where several processes
+//! share a folder, file by file.
 
+mod atomic;
 mod film;
 mod folder;
 pub mod grid;
+pub mod job;
 pub mod lettering;
 pub mod picture;
+mod shared;
 mod sheet;
 mod staging;
 
+pub use atomic::put;
 pub use film::Film;
+pub use folder::cameras;
+pub use shared::{Contents, SharedFolder};
 pub use staging::{Staging, check_folder};
 
 use std::path::{Path, PathBuf};
@@ -92,9 +99,22 @@ impl Target {
         })
     }
 
-    /// Fails early where nothing can be written.
+    /// Whether this is a folder of frames.
+    pub fn is_folder(&self) -> bool {
+        matches!(self.kind, Kind::Folder { .. })
+    }
+
+    /// Fails early where nothing can be written, or where others are at work.
     pub fn check(&self) -> Result<(), CliError> {
         match self.kind {
+            Kind::Folder { .. } if self.path.join(job::JOB_FILE).exists() => {
+                Err(CliError::Refused(format!(
+                    "{} belongs to a job that is rendered in shards (it holds {}); choose another \
+                     folder or remove this one",
+                    self.path.display(),
+                    job::JOB_FILE
+                )))
+            }
             Kind::Folder { .. } => check_folder(&self.path),
             Kind::Sheet | Kind::Film => check_folder(&parent(&self.path)),
         }

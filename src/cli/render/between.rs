@@ -30,12 +30,12 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
         .collect::<Result<Vec<_>, _>>()?;
     let rows = if corners.len() == 2 { 1 } else { count };
     let looks = looks(&model, &corners, rows, count)?;
-    let views = views::views(&model, &args.views, args.size, None)?;
+    let views = views(&model, &args.views, args.size, None)?;
     let Some(view) = views.first() else {
         return Err(CliError::Refused("there is no such view".into()));
     };
     let looks: Vec<&Look> = looks.iter().collect();
-    let rendered = render(&model, &view.camera, &looks, args);
+    let rendered = render(&model, &view.camera, &looks, &args.settings);
     let pictures: Vec<RgbImage> = (0..rows * count).map(|i| rendered.image(i)).collect();
     let sheet = labelled(&pictures, count, &names);
     write_file(&args.output, |path| picture::save_png(&sheet, path))?;

@@ -1,6 +1,8 @@
 //! `impasto render`.
 
 mod between;
+mod job;
+mod sharded;
 mod styles;
 mod views;
 
@@ -12,10 +14,12 @@ use impasto::scene::Camera;
 use impasto::{Look, Model, RenderedView};
 use serde_json::json;
 
-use self::styles::Styles;
-use self::views::ViewSource;
+pub use self::job::{KnownModel, distinguished};
+pub use self::styles::{Styles, painting};
+pub use self::views::{FRAMES, ViewSource, views};
 use super::device::DeviceArgs;
 use super::progress::Frames;
+use super::shard::Shard;
 use super::values::{StyleArg, clock, duration, share, size};
 use super::{Answer, CliError};
 use crate::output::{Frame, Target, picture};
@@ -34,9 +38,8 @@ pub struct RenderArgs {
     /// A painting, with a weight to mix several (IMAGE:0.7); may be repeated
     #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
     styles: Vec<StyleArg>,
-    /// From the photos' colours (0) to the style's (1)
-    #[arg(long, value_name = "0..1", default_value = "1", value_parser = share, requires = "styles")]
-    strength: f32,
+    #[command(flatten)]
+    settings: RenderSettings,
     /// Let each style's look go on learning from its painting for this long, e.g. 15s, so that it
     /// comes closer: what is rendered at once is a prediction
     #[arg(long, value_name = "TIME", value_parser = duration, requires = "styles")]
@@ -51,15 +54,16 @@ pub struct RenderArgs {
     /// Size of a frame in pixels [default: the photos' as trained]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
-    /// Rays along each side of a pixel: 2 takes four times as long and flickers less
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
-    supersampling: u32,
     /// Number of frames; of photos' views, this many evenly spaced ones [default: all, or 60]
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
     /// Write depth too (NumPy float32, along the camera's axis, scene units); folders only
     #[arg(long)]
     depth: bool,
+    /// Render only the frames I, I + N, I + 2N … of N tasks' (I from 0) into a folder that they share,
+    /// and of those only what is not there yet: for job arrays
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["interpolate", "refine"])]
+    shard: Option<Shard>,
     #[command(flatten)]
     device: DeviceArgs,
     /// A folder for numbered PNGs and cameras.json, a PNG (contact sheet of all views) or a GIF
@@ -67,15 +71,32 @@ pub struct RenderArgs {
     output: PathBuf,
 }
 
+/// How views are rendered.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct RenderSettings {
+    /// From the photos' colours (0) to the style's (1)
+    #[arg(long, value_name = "0..1", default_value = "1", value_parser = share, requires = "styles")]
+    pub strength: f32,
+    /// Rays along each side of a pixel: 2 takes four times as long and flickers less
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
+    pub supersampling: u32,
+}
+
 /// One picture per view is made of each variant.
-struct Variant {
+pub struct Variant {
     name: String,
-    look: Look,
+    /// How it colours the scene.
+    pub look: Look,
 }
 
 /// Renders a view with every look, moved towards the photo's where `--strength` is below 1.
-fn render(model: &Model, camera: &Camera, looks: &[&Look], args: &RenderArgs) -> RenderedView {
-    let (strength, side) = (args.strength, args.supersampling);
+pub fn render(
+    model: &Model,
+    camera: &Camera,
+    looks: &[&Look],
+    settings: &RenderSettings,
+) -> RenderedView {
+    let (strength, side) = (settings.strength, settings.supersampling);
     if strength >= 1.0 {
         return model.render_smooth(camera, looks, side);
     }
@@ -96,20 +117,23 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     if let Some(count) = args.interpolate {
         return between::run(args, count.into(), start);
     }
+    if let Some(shard) = args.shard {
+        return sharded::run(args, shard, start);
+    }
     let target = Target::new(&args.output, args.depth)?;
     let styles = Styles::read(&args.styles)?;
     target.check()?;
     let model = Model::load_on(&args.model, args.device.open()?)?;
     let variants = styles.variants(&model, args.refine)?;
     let names: Vec<String> = variants.iter().map(|v| v.name.clone()).collect();
-    let views = views::views(&model, &args.views, args.size, args.frames)?;
+    let views = views(&model, &args.views, args.size, args.frames)?;
 
     let looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
     let synthetic = model.file.scene.synthetic;
     let mut sink = target.open(&names, synthetic)?;
     let mut progress = Frames::new(views.len());
     for view in &views {
-        let rendered = render(&model, &view.camera, &looks, args);
+        let rendered = render(&model, &view.camera, &looks, &args.settings);
         sink.add(Frame {
             view,
             pictures: (0..variants.len())

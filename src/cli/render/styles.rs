@@ -63,22 +63,14 @@ impl Styles {
         model: &Model,
         refine: Option<Duration>,
     ) -> Result<Vec<Variant>, CliError> {
-        let wanted: Vec<(&str, Vec<(&RgbImage, f32)>)> = match self {
-            Self::Photo => {
-                return Ok(vec![Variant {
-                    name: "photo".into(),
-                    look: model.photo_look(),
-                }]);
-            }
-            Self::Each(images) => {
-                let one = |(name, image)| (name, vec![(image, 1.0)]);
-                images.iter().map(|(n, i)| one((n.as_str(), i))).collect()
-            }
-            Self::Mix(images) => {
-                let all = images.iter().map(|(image, weight)| (image, *weight));
-                vec![("mix", all.collect())]
-            }
-        };
+        let wanted = self.wanted();
+        if self.is_empty() {
+            let named = wanted.into_iter().map(|(name, _)| Variant {
+                name,
+                look: model.photo_look(),
+            });
+            return Ok(named.collect());
+        }
         let looks = match refine {
             Some(time) => refined(model, &wanted, time)?,
             None => {
@@ -86,11 +78,28 @@ impl Styles {
                 looks.collect::<Result<_, _>>()?
             }
         };
-        let names = wanted.iter().map(|(name, _)| (*name).to_owned());
+        let names = wanted.into_iter().map(|(name, _)| name);
         let variants = names.zip(looks);
         Ok(variants
             .map(|(name, look)| Variant { name, look })
             .collect())
+    }
+
+    /// Names of the variants, each with the paintings that it is made from by weight; the photos'
+    /// own look is made from none.
+    pub fn wanted(&self) -> Vec<(String, Vec<(&RgbImage, f32)>)> {
+        match self {
+            Self::Photo => vec![("photo".into(), Vec::new())],
+            Self::Each(images) => {
+                let all = images.iter();
+                all.map(|(name, image)| (name.clone(), vec![(image, 1.0)]))
+                    .collect()
+            }
+            Self::Mix(images) => {
+                let all = images.iter().map(|(image, weight)| (image, *weight));
+                vec![("mix".into(), all.collect())]
+            }
+        }
     }
 }
 
@@ -107,7 +116,7 @@ fn look(model: &Model, paintings: &[(&RgbImage, f32)]) -> Result<Look, CliError>
 /// The same after each has gone on learning for so long.
 fn refined(
     model: &Model,
-    wanted: &[(&str, Vec<(&RgbImage, f32)>)],
+    wanted: &[(String, Vec<(&RgbImage, f32)>)],
     time: Duration,
 ) -> Result<Vec<Look>, CliError> {
     if !model.has_style() {
@@ -127,7 +136,7 @@ fn refined(
 }
 
 /// Reads one style image.
-fn painting(path: &Path) -> Result<RgbImage, CliError> {
+pub fn painting(path: &Path) -> Result<RgbImage, CliError> {
     read_rgb(path).map_err(|error| match error {
         SceneError::Photo { path, problem } => CliError::Painting { path, problem },
         SceneError::Io { path, source } => CliError::Read { path, source },

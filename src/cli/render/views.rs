@@ -12,7 +12,7 @@ use crate::cli::CliError;
 use crate::output::View;
 
 /// Frames of an orbit or a spiral when none are asked for.
-const FRAMES: usize = 60;
+pub const FRAMES: usize = 60;
 
 /// Where viewpoints come from.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,0 +1,229 @@
+//! Renders of a batch.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use impasto::{Device, Look};
+use serde_json::Value;
+
+use super::Report;
+use super::plan::{Group, ModelWork, StyleSource};
+use crate::cli::CliError;
+use crate::cli::progress::Frames;
+use crate::cli::render::{KnownModel, Styles, distinguished, painting, render, views};
+use crate::cli::shard::Shard;
+use crate::output::{Contents, Frame, SharedFolder, View};
+
+/// Renders this shard's part of everything that a model is rendered for.
+pub fn run(work: &ModelWork, shard: Shard, device: Device, report: &mut Report) {
+    let mut studio = match KnownModel::load(&work.path, device) {
+        Ok(known) => Studio {
+            known,
+            styles: work.styles.iter().map(Painted::new).collect(),
+        },
+        Err(error) => {
+            for group in &work.groups {
+                report.all_failed(&group.items, &error);
+            }
+            return;
+        }
+    };
+    for group in &work.groups {
+        let known = &studio.known.model;
+        match views(known, &group.views, group.size, group.frames) {
+            Ok(views) => studio.render(group, &views, shard, report),
+            Err(error) => report.all_failed(&group.items, &error),
+        }
+    }
+}
+
+/// A loaded model, and what is known of the styles so far.
+struct Studio<'a> {
+    known: KnownModel,
+    styles: Vec<Painted<'a>>,
+}
+
+struct Painted<'a> {
+    source: &'a StyleSource,
+    distinguished: Option<Value>,
+    look: Option<Look>,
+}
+
+impl<'a> Painted<'a> {
+    fn new(source: &'a StyleSource) -> Self {
+        Self {
+            source,
+            distinguished: None,
+            look: None,
+        }
+    }
+
+    /// Reads the painting. Not kept: there may be many.
+    fn read(&self) -> Result<Styles, CliError> {
+        Ok(match &self.source.path {
+            Some(path) => Styles::Each(vec![(self.source.name.clone(), painting(path)?)]),
+            None => Styles::Photo,
+        })
+    }
+
+    fn distinguished(&mut self) -> Result<Value, CliError> {
+        if self.distinguished.is_none() {
+            self.distinguished = Some(distinguished(&self.read()?));
+        }
+        Ok(self.distinguished.clone().unwrap_or_default())
+    }
+
+    /// Works the look out if it is not known yet.
+    fn make(&mut self, known: &KnownModel) -> Result<(), CliError> {
+        if self.look.is_none() {
+            let styles = self.read()?;
+            if self.distinguished.as_ref() != Some(&distinguished(&styles)) {
+                return Err(CliError::Refused(format!(
+                    "the painting {} was replaced in between; choose another output for the new one",
+                    self.source.name
+                )));
+            }
+            let variants = styles.variants(&known.model, None)?;
+            self.look = variants.into_iter().next().map(|variant| variant.look);
+        }
+        Ok(())
+    }
+}
+
+/// A render's folder, until something fails there.
+struct Open {
+    folder: SharedFolder,
+    rendered: usize,
+    kept: usize,
+}
+
+impl Studio<'_> {
+    /// Renders a shard's block of a group's pictures. They are in the order of frames, and in each
+    /// of styles, so that most of a block's frames are in all styles and computed at once.
+    fn render(&mut self, group: &Group, views: &[View], shard: Shard, report: &mut Report) {
+        let styles = group.items.len();
+        let block = shard.block(views.len() * styles, group.turn);
+        if block.is_empty() {
+            return;
+        }
+        let mut open: Vec<Option<Open>> = (0..styles)
+            .map(|i| meets(&block, i, styles).then(|| self.open(group, i, views)))
+            .zip(&group.items)
+            .map(|(opened, item)| opened?.map_err(|error| report.failed(item, &error)).ok())
+            .collect();
+        let frames = block.start / styles..block.end.div_ceil(styles);
+        let title = format!("{} {}", self.known.model.file.scene.name, group.name);
+        let mut progress = Frames::titled(&title, frames.len());
+        for frame in frames {
+            let mut missing = BTreeSet::new();
+            for (i, opened) in open.iter_mut().enumerate() {
+                let Some(open) = opened.as_mut() else {
+                    continue;
+                };
+                if !block.contains(&(frame * styles + i)) {
+                    continue;
+                }
+                if !open.folder.lacks(frame) {
+                    open.kept += 1;
+                    continue;
+                }
+                let item = &group.items[i];
+                match self.styles[item.style].make(&self.known) {
+                    Ok(()) => {
+                        missing.insert(i);
+                    }
+                    Err(error) => {
+                        report.failed(item, &error);
+                        *opened = None;
+                    }
+                }
+            }
+            self.frame(group, (frame, &views[frame]), &missing, &mut open, report);
+            progress.tick();
+        }
+        drop(progress);
+        for (item, open) in group.items.iter().zip(open) {
+            let Some(open) = open else { continue };
+            match open.folder.finish() {
+                Ok(complete) => report.rendered(item, [open.rendered, open.kept], complete),
+                Err(error) => report.failed(item, &error),
+            }
+        }
+    }
+
+    /// Renders a frame in those styles where it is missing.
+    fn frame(
+        &self,
+        group: &Group,
+        (number, view): (usize, &View),
+        missing: &BTreeSet<usize>,
+        open: &mut [Option<Open>],
+        report: &mut Report,
+    ) {
+        let looks = missing.iter().map(|&i| group.items[i].style);
+        let looks: Vec<&Look> = looks
+            .filter_map(|style| self.styles[style].look.as_ref())
+            .collect();
+        if looks.is_empty() {
+            return;
+        }
+        let rendered = render(&self.known.model, &view.camera, &looks, &group.settings);
+        for (look, &i) in missing.iter().enumerate() {
+            let frame = Frame {
+                view,
+                pictures: vec![rendered.image(look)],
+                depth: &rendered.depth,
+            };
+            let Some(opened) = open[i].as_mut() else {
+                continue;
+            };
+            match opened.folder.add(number, &frame) {
+                Ok(()) => opened.rendered += 1,
+                Err(error) => {
+                    report.failed(&group.items[i], &error);
+                    open[i] = None;
+                }
+            }
+        }
+    }
+
+    fn open(&mut self, group: &Group, item: usize, views: &[View]) -> Result<Open, CliError> {
+        let item = &group.items[item];
+        let style = self.styles[item.style].distinguished()?;
+        let (cameras, job) = self.known.job(&style, views, &group.settings, group.depth);
+        let contents = Contents {
+            variants: &[],
+            frames: views.len(),
+            depth: group.depth,
+            cameras: &cameras,
+            job: &job,
+        };
+        Ok(Open {
+            folder: SharedFolder::open(&item.output, &contents)?,
+            rendered: 0,
+            kept: 0,
+        })
+    }
+}
+
+/// Whether a block holds a picture in the `i`-th of so many styles.
+fn meets(block: &Range<usize>, i: usize, styles: usize) -> bool {
+    (i + styles - block.start % styles) % styles < block.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_meets_the_styles_of_its_pictures() {
+        for block in [0..1, 2..4, 5..6, 3..9, 1..3] {
+            for i in 0..3 {
+                assert_eq!(
+                    meets(&block, i, 3),
+                    block.clone().any(|picture| picture % 3 == i)
+                );
+            }
+        }
+    }
+}

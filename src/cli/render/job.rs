@@ -1,0 +1,103 @@
+//! What makes frames parts of one job, so that several processes can make them, at once or one after
+//! the other.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use image::RgbImage;
+use impasto::weights::sha256;
+use impasto::{Device, Model};
+use impasto_train::MODEL_FILE;
+use serde_json::{Value, json};
+
+use super::RenderSettings;
+use super::styles::Styles;
+use crate::cli::CliError;
+use crate::output::{View, cameras};
+
+/// A model, with what distinguishes it from others.
+pub struct KnownModel {
+    /// The model.
+    pub model: Model,
+    digest: String,
+    device: &'static str,
+}
+
+impl KnownModel {
+    /// Reads a model folder or file.
+    pub fn load(path: &Path, device: Device) -> Result<Self, CliError> {
+        let file = match path.is_dir() {
+            true => path.join(MODEL_FILE),
+            false => path.to_owned(),
+        };
+        let digest = || File::open(&file).and_then(sha256);
+        let before = digest().ok();
+        let kind = match impasto::is_cpu(&device) {
+            true => "cpu",
+            false => "gpu",
+        };
+        let model = Model::load_on(path, device)?;
+        let after = digest().map_err(CliError::read(&file))?;
+        if before.as_ref() != Some(&after) {
+            return Err(CliError::Refused(format!(
+                "{} was replaced while it was read; run this again when its training is done",
+                file.display()
+            )));
+        }
+        Ok(Self {
+            model,
+            digest: after,
+            device: kind,
+        })
+    }
+
+    /// The text of `cameras.json`, and what distinguishes a job that makes it from others. `styles`
+    /// are [distinguished](distinguished) already.
+    pub fn job(
+        &self,
+        styles: &Value,
+        views: &[View],
+        settings: &RenderSettings,
+        depth: bool,
+    ) -> (String, Value) {
+        let cameras = cameras(views, depth, self.model.file.scene.synthetic);
+        let job = json!({
+            "program": concat!("impasto ", env!("CARGO_PKG_VERSION")),
+            "device": self.device,
+            "model": self.digest,
+            "styles": styles,
+            "strength": settings.strength,
+            "supersampling": settings.supersampling,
+            "depth": depth,
+            "frames": views.len(),
+            "cameras": hash(cameras.as_bytes()),
+        });
+        (cameras, job)
+    }
+}
+
+/// What distinguishes styles from others: their names, and the pixels of their paintings with their
+/// weights.
+pub fn distinguished(styles: &Styles) -> Value {
+    let wanted = styles.wanted();
+    let entry = |(name, paintings): &(String, Vec<(&RgbImage, f32)>)| json!({"name": name, "paintings": mixture(paintings)});
+    wanted.iter().map(entry).collect()
+}
+
+fn mixture(paintings: &[(&RgbImage, f32)]) -> Vec<Value> {
+    let entry = |(image, weight): &(&RgbImage, f32)| {
+        let size = [image.width(), image.height()]
+            .map(u32::to_le_bytes)
+            .concat();
+        json!({"pixels": hash((&size[..]).chain(&image.as_raw()[..])), "weight": weight})
+    };
+    paintings.iter().map(entry).collect()
+}
+
+/// SHA-256 of bytes in memory.
+fn hash(bytes: impl Read) -> Value {
+    let digest: io::Result<String> = sha256(bytes);
+    // Memory can always be read; nothing is equal to `null` but another `null`.
+    digest.map_or(Value::Null, Value::from)
+}

@@ -1,0 +1,127 @@
+//! `--shard`: one process's part of the frames.
+
+use std::time::Instant;
+
+use impasto::Look;
+use serde_json::json;
+
+use super::job::{KnownModel, distinguished};
+use super::styles::Styles;
+use super::{RenderArgs, render, views};
+use crate::cli::progress::Frames;
+use crate::cli::shard::Shard;
+use crate::cli::values::clock;
+use crate::cli::{Answer, CliError};
+use crate::output::{Contents, Frame, SharedFolder, Target};
+
+/// What one process did.
+struct Done {
+    rendered: usize,
+    /// Frames of its own that were there.
+    kept: usize,
+    /// Whether all processes' frames are there.
+    complete: bool,
+}
+
+/// Renders the frames of one shard that are not there yet.
+pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, CliError> {
+    if !Target::new(&args.output, args.depth)?.is_folder() {
+        return Err(CliError::Usage(format!(
+            "--shard needs a folder as its output, not {}: tasks cannot share one file",
+            args.output.display()
+        )));
+    }
+    let styles = Styles::read(&args.styles)?;
+    let known = KnownModel::load(&args.model, args.device.open()?)?;
+    let model = &known.model;
+    let views = views(model, &args.views, args.size, args.frames)?;
+    let distinguished = distinguished(&styles);
+    let (cameras, job) = known.job(&distinguished, &views, &args.settings, args.depth);
+    let names: Vec<String> = styles.wanted().into_iter().map(|(name, _)| name).collect();
+    let folder = SharedFolder::open(
+        &args.output,
+        &Contents {
+            variants: &names,
+            frames: views.len(),
+            depth: args.depth,
+            cameras: &cameras,
+            job: &job,
+        },
+    )?;
+
+    let own: Vec<usize> = (0..views.len())
+        .filter(|&frame| shard.takes(frame))
+        .collect();
+    let missing: Vec<usize> = own
+        .iter()
+        .copied()
+        .filter(|&frame| folder.lacks(frame))
+        .collect();
+    if !missing.is_empty() {
+        let variants = styles.variants(model, None)?;
+        let looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
+        let mut progress = Frames::new(missing.len());
+        for &number in &missing {
+            let view = &views[number];
+            let rendered = render(model, &view.camera, &looks, &args.settings);
+            let pictures = (0..looks.len()).map(|look| rendered.image(look)).collect();
+            let frame = Frame {
+                view,
+                pictures,
+                depth: &rendered.depth,
+            };
+            folder.add(number, &frame)?;
+            progress.tick();
+        }
+    }
+    let done = Done {
+        rendered: missing.len(),
+        kept: own.len() - missing.len(),
+        complete: folder.finish()?,
+    };
+    let synthetic = model.file.scene.synthetic;
+    let seconds = start.elapsed().as_secs_f64();
+    let outputs = folder.folders();
+    let paths: Vec<String> = outputs
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    Ok(Answer {
+        text: format!(
+            "shard {shard}: {} of {} views{} in {}, {}: {}",
+            done.rendered,
+            views.len(),
+            if synthetic {
+                " of a synthetic scene"
+            } else {
+                ""
+            },
+            clock(seconds),
+            state(&done),
+            paths.join(", ")
+        ),
+        json: json!({
+            "outputs": paths,
+            "views": views.len(),
+            "shard": shard.to_string(),
+            "rendered": done.rendered,
+            "kept": done.kept,
+            "complete": done.complete,
+            "styles": if styles.is_empty() { Vec::new() } else { names },
+            "synthetic": synthetic,
+            "seconds": seconds,
+        }),
+    })
+}
+
+fn state(done: &Done) -> String {
+    let kept = match done.kept {
+        0 => String::new(),
+        kept => format!("{kept} more were there, "),
+    };
+    let rest = match done.complete {
+        true => "all frames are there",
+        false => "other shards' frames are still to come",
+    };
+    kept + rest
+}

@@ -1,0 +1,154 @@
+//! Folders of frames that several processes fill together, each at its own pace and as often as it
+//! takes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use impasto::scene::npy;
+use serde_json::Value;
+
+use super::atomic::{listed, put, sweep};
+use super::folder::{CAMERAS, names};
+use super::{Frame, job, picture};
+use crate::cli::CliError;
+
+/// What [`super::folder::Folder`] leaves, and `job.json`. Every file appears whole on its own, and a
+/// frame that is there is not made again; `cameras.json` comes when all frames are there.
+#[derive(Debug)]
+pub struct SharedFolder {
+    path: PathBuf,
+    /// One per variant.
+    folders: Vec<PathBuf>,
+    frames: usize,
+    depth: bool,
+    cameras: String,
+}
+
+/// What a [`SharedFolder`] will hold.
+pub struct Contents<'a> {
+    /// Names of the variants, each of which has a sub-folder where there are several.
+    pub variants: &'a [String],
+    /// Number of frames.
+    pub frames: usize,
+    /// Whether there are depth files.
+    pub depth: bool,
+    /// Text of `cameras.json`.
+    pub cameras: &'a str,
+    /// What distinguishes this job from others.
+    pub job: &'a Value,
+}
+
+impl SharedFolder {
+    /// Makes the folder or joins those who write to it.
+    ///
+    /// # Errors
+    /// When it cannot be made or written to, or belongs to another job.
+    pub fn open(path: &Path, contents: &Contents<'_>) -> Result<Self, CliError> {
+        let folders = match contents.variants {
+            [] | [_] => vec![path.to_owned()],
+            several => several.iter().map(|name| path.join(name)).collect(),
+        };
+        let shared = Self {
+            path: path.to_owned(),
+            folders,
+            frames: contents.frames,
+            depth: contents.depth,
+            cameras: contents.cameras.to_owned(),
+        };
+        // Looked at before the job is: whoever writes frames has taken the folder before.
+        let others = shared.first_file()?;
+        for folder in &shared.folders {
+            fs::create_dir_all(folder).map_err(CliError::write(folder))?;
+        }
+        job::claim(path, contents.job, others.as_deref())?;
+        shared.withdraw()?;
+        Ok(shared)
+    }
+
+    /// The first file that could be a job's.
+    fn first_file(&self) -> Result<Option<String>, CliError> {
+        for folder in &self.folders {
+            let present = listed(folder)?;
+            let of_frames = (0..self.frames).flat_map(|frame| names(frame, self.depth));
+            let found = of_frames
+                .chain([CAMERAS.into()])
+                .find(|name| present.contains(name));
+            if let Some(name) = found {
+                return Ok(Some(folder.join(name).display().to_string()));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Removes `cameras.json` where frames have gone since: whoever finds it finds all.
+    fn withdraw(&self) -> Result<(), CliError> {
+        for folder in &self.folders {
+            let cameras = folder.join(CAMERAS);
+            // In this order: while others finish, frames only become more.
+            if cameras.exists() && !self.is_complete()? {
+                fs::remove_file(&cameras).map_err(CliError::write(&cameras))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn is_complete(&self) -> Result<bool, CliError> {
+        for folder in &self.folders {
+            let present = listed(folder)?;
+            let mut wanted = (0..self.frames).flat_map(|frame| names(frame, self.depth));
+            if !wanted.all(|name| present.contains(&name)) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether a file of this frame is still to be made.
+    pub fn lacks(&self, frame: usize) -> bool {
+        let names = names(frame, self.depth);
+        let mut files = self
+            .folders
+            .iter()
+            .flat_map(|folder| names.iter().map(move |name| folder.join(name)));
+        files.any(|file| !file.exists())
+    }
+
+    /// Writes those files of a frame that are missing.
+    pub fn add(&self, number: usize, frame: &Frame<'_>) -> Result<(), CliError> {
+        let k = &frame.view.camera.intrinsics;
+        for (folder, picture) in self.folders.iter().zip(&frame.pictures) {
+            for name in names(number, self.depth) {
+                let path = folder.join(&name);
+                if path.exists() {
+                    continue;
+                }
+                let bytes = match name.ends_with(".png") {
+                    true => picture::png(picture).map_err(CliError::encode(&path))?,
+                    false => npy::encode(frame.depth, k.width, k.height),
+                };
+                put(&path, &bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Cleans up, and writes `cameras.json` if all frames are there; tells whether they are.
+    pub fn finish(&self) -> Result<bool, CliError> {
+        let complete = self.is_complete()?;
+        for folder in &self.folders {
+            let cameras = folder.join(CAMERAS);
+            let present = fs::read(&cameras).ok();
+            if complete && present.as_deref() != Some(self.cameras.as_bytes()) {
+                put(&cameras, self.cameras.as_bytes())?;
+            }
+            sweep(folder, &listed(folder)?);
+        }
+        sweep(&self.path, &listed(&self.path)?);
+        Ok(complete)
+    }
+
+    /// Where the frames of the variants are.
+    pub fn folders(&self) -> &[PathBuf] {
+        &self.folders
+    }
+}
