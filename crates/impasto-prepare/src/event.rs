@@ -10,8 +10,10 @@ pub enum Phase {
     Frames,
     /// The sharpest of them are chosen.
     Choosing,
-    /// Photos are checked and taken over.
+    /// Photos are checked.
     Photos,
+    /// They are taken over, upright.
+    Taking,
     /// COLMAP looks for features.
     Features,
     /// COLMAP compares photos.
@@ -31,6 +33,7 @@ impl Phase {
             Self::Frames => "frames",
             Self::Choosing => "choosing",
             Self::Photos => "photos",
+            Self::Taking => "taking",
             Self::Features => "features",
             Self::Matching => "matching",
             Self::Mapping => "mapping",

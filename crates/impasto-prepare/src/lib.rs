@@ -1,7 +1,7 @@
 //! Raw photos or a video in; a capture with camera poses out.
 //!
 //! The poses are computed by the installed COLMAP, frames of a video are taken out by the
-//! installed ffmpeg. [`prepare`] chooses their options, follows their output, understands how they
+//! installed ffmpeg. [`prepare()`] chooses their options, follows their output, understands how they
 //! fail and checks what they made. Nothing is undistorted: photos stay as they were taken.
 
 mod child;

@@ -24,7 +24,7 @@ pub enum Cameras {
     Many,
 }
 
-/// A job for [`crate::prepare`].
+/// A job for [`crate::prepare()`].
 #[derive(Debug, Clone)]
 pub struct PrepareOptions {
     /// A folder of photos, with sub-folders or without, or a video.

@@ -61,9 +61,8 @@ pub(crate) fn take(
     left_out: &mut Vec<LeftOut>,
     events: Sink<'_>,
 ) -> Result<Vec<Taken>, PrepareError> {
-    let total = 2 * sources.len();
     let checked = check::all(sources, left_out, &mut |done| {
-        progress(events, Phase::Photos, done, total);
+        progress(events, Phase::Photos, done, sources.len());
     });
     left_out.sort_by(|a, b| a.file.cmp(&b.file));
     if !left_out.is_empty() {
@@ -73,7 +72,7 @@ pub(crate) fn take(
         return Err(too_few(input, checked.len(), sources.len(), left_out));
     }
     place::all(&checked, images, &mut |done| {
-        progress(events, Phase::Photos, sources.len() + done, total);
+        progress(events, Phase::Taking, done, checked.len());
     })
 }
 
