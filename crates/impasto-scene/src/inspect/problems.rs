@@ -210,7 +210,7 @@ fn apart(measured: &Measured<'_>, index: usize, usual: f64) -> Option<Problem> {
     let reach = measured.cameras[index]
         .centre()
         .distance(measured.shape.middle);
-    if reach <= FAR_OUT * usual {
+    if usual <= 0.0 || reach <= FAR_OUT * usual {
         return None;
     }
     let text = (
@@ -253,14 +253,18 @@ fn lonely(facts: &PhotoFacts) -> Option<Problem> {
 
 fn misplaced(measured: &Measured<'_>, index: usize, usual: f64) -> Option<Problem> {
     let facts = &measured.facts[index];
-    let error = facts.reprojection_error?;
+    let error = facts.reprojection_error.filter(|error| !error.is_nan())?;
     let (w, h) = measured.scene.photos[index].pixels.dimensions();
     let most = (ERROR_TIMES * usual).max(ERROR_SHARE * f64::from(w.max(h)));
     if error <= most {
         return None;
     }
+    let seen = match error.is_finite() {
+        true => format!("sees its points {error:.1} pixels off (the others {usual:.1})"),
+        false => "has most of its points behind its camera".to_owned(),
+    };
     let text = (
-        format!("sees its points {error:.1} pixels off (the others {usual:.1})"),
+        seen,
         "leave it out, or estimate the poses again: its pose or its lens is wrong",
     );
     Some(problem(

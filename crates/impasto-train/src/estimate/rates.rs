@@ -24,7 +24,7 @@ pub struct Rates {
 }
 
 /// Time for the steps of one stage, and the most of them.
-const TIME: Duration = Duration::from_millis(450);
+const TIME: Duration = Duration::from_millis(300);
 const MOST_STEPS: u64 = 25;
 /// Photos that are sampled, and their shorter side in pixels: as large as a patch needs.
 const PHOTOS: usize = 4;
