@@ -16,7 +16,7 @@ use crate::style_stage::StyleStage;
 use crate::styles::{StyleSet, StyleSources};
 use crate::{TrainError, validation};
 use burn::tensor::Device;
-use impasto_scene::{Format, LoadOptions, Scene};
+use impasto_scene::{Format, LoadOptions, MaskUse, Scene};
 use impasto_style::{Perceptual, StyleVae};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -57,6 +57,8 @@ pub struct TrainOptions {
     pub downscale: u32,
     /// Overrides the detected format.
     pub format: Option<Format>,
+    /// What becomes of pixels that a mask hides.
+    pub masks: MaskUse,
     /// Seed of everything random.
     pub seed: u64,
     /// What the stages compute on; see [`crate::DeviceChoice`].
@@ -115,6 +117,7 @@ pub fn train(
     let load = LoadOptions {
         downscale: options.downscale,
         format: options.format,
+        masks: options.masks,
     };
     let scene = impasto_scene::load(&options.scene, &load)?;
     check_sizes(&scene, options)?;
@@ -127,6 +130,10 @@ pub fn train(
     let found = paintings.as_ref().map_or(0, |folder| folder.files.len());
     let listed = paintings.as_ref().map_or(0, |f| f.unreadable.len());
     log.event(&loaded(&scene, found));
+    for message in &scene.warnings {
+        let message = message.clone();
+        log.event(&Event::Warning { message });
+    }
     let mut run = Run {
         options,
         scene,
