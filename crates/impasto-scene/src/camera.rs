@@ -94,8 +94,8 @@ pub struct Intrinsics {
 }
 
 /// Focal lengths that lenses without fisheye projection have, in units of the image's side: from
-/// 176 degrees of view to a hundredth of one.
-const SHARES: std::ops::RangeInclusive<f64> = 0.02..=5000.0;
+/// 176 degrees of view to what no telescope resolves.
+const SHARES: std::ops::RangeInclusive<f64> = 0.02..=1e6;
 
 impl Intrinsics {
     /// Says what makes these numbers unusable as a camera, if anything does.
