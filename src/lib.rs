@@ -19,6 +19,7 @@
 //!     budget: Budget::Time(Duration::from_secs(600)),
 //!     downscale: 1,
 //!     format: None,
+//!     masks: scene::MaskUse::Ignore,
 //!     seed: 0,
 //!     device: impasto::DeviceChoice::Auto.open()?.device,
 //!     recovery: impasto::Recovery::default(),

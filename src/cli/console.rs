@@ -18,10 +18,12 @@ pub fn note(text: impl Display) {
 
 /// Why the command failed, in one line.
 pub fn error(problem: impl Display) {
+    // Names in messages come from files: they must not steer the terminal.
     let line = problem
         .to_string()
         .split_whitespace()
         .collect::<Vec<_>>()
-        .join(" ");
+        .join(" ")
+        .replace(char::is_control, "\u{fffd}");
     let _ = writeln!(io::stderr().lock(), "error: {line}");
 }

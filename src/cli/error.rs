@@ -9,6 +9,7 @@ use impasto::eval::study::StudyError;
 use impasto::prepare::PrepareError;
 use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
+use impasto::scene::file::plainly;
 use impasto::scene::paths::PathError;
 use impasto::{NoDevice, StyleError, TrainError};
 
@@ -79,7 +80,10 @@ pub enum CliError {
         source: PathError,
     },
     /// A style image cannot be decoded.
-    #[error("{}: not a usable painting ({problem}); give a PNG, JPEG or GIF image", path.display())]
+    #[error(
+        "{}: not a usable painting ({problem}); give a JPEG, PNG, WebP, TIFF or GIF picture",
+        path.display()
+    )]
     Painting {
         /// The file.
         path: PathBuf,
@@ -87,7 +91,7 @@ pub enum CliError {
         problem: String,
     },
     /// A file cannot be read.
-    #[error("{}: cannot be read ({source})", path.display())]
+    #[error("{}: cannot be read ({})", path.display(), plainly(source))]
     Read {
         /// The file.
         path: PathBuf,
@@ -95,7 +99,7 @@ pub enum CliError {
         source: io::Error,
     },
     /// A file or folder cannot be written.
-    #[error("cannot write {}: {source}; choose another output", path.display())]
+    #[error("cannot write {}: {}; choose another output", path.display(), refusal(source))]
     Write {
         /// The file or folder.
         path: PathBuf,
@@ -110,6 +114,15 @@ pub enum CliError {
         /// The encoder's reason.
         source: image::ImageError,
     },
+}
+
+/// Why a path cannot be written.
+fn refusal(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => "a folder above it is missing".into(),
+        io::ErrorKind::PermissionDenied => "permission denied".into(),
+        _ => plainly(error),
+    }
 }
 
 impl CliError {

@@ -3,10 +3,10 @@
 //! Works on the configuration's JSON form, so that a new field can be set without a word here.
 //! Every change is checked at once; an error names the key that caused it.
 
-use std::fs;
 use std::path::Path;
 
 use impasto::TrainConfig;
+use impasto::scene::file::read_text;
 use serde_json::Value;
 
 use super::CliError;
@@ -38,7 +38,7 @@ pub fn configure(
 }
 
 fn read(path: &Path) -> Result<Value, CliError> {
-    let text = fs::read_to_string(path).map_err(CliError::read(path))?;
+    let text = read_text(path).map_err(CliError::read(path))?;
     let json = path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("json"));
@@ -180,6 +180,8 @@ fn edits(a: &str, b: &str) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn set(settings: &[&str]) -> Result<TrainConfig, String> {

@@ -8,6 +8,7 @@ use impasto::eval::methods::Stylizer;
 use impasto::eval::study::{
     Key, MeanShare, PerQuestion, Plan, Share, StudyOptions, StudySummary, summarise,
 };
+use impasto::scene::file::{LARGEST_FILE, read_whole};
 use impasto::{Model, read_paintings};
 use serde_json::json;
 
@@ -185,7 +186,7 @@ fn summary(args: &SummaryArgs) -> Result<Answer, CliError> {
 
 /// A file's text; what is no text in it is left to whoever parses it.
 fn read(path: &Path) -> Result<String, CliError> {
-    let bytes = fs::read(path).map_err(CliError::read(path))?;
+    let bytes = read_whole(path, LARGEST_FILE).map_err(CliError::read(path))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use impasto::scene::Format;
+use impasto::scene::{Format, MaskUse};
 use impasto::{
     Budget, Recovery, Stages, TrainConfig, TrainOptions, TrainSummary, Unfinished, cache_folder,
     train,
@@ -43,6 +43,10 @@ pub struct TrainArgs {
     /// Format of the capture, where it should not be detected: colmap, transforms, nerf++ or llff
     #[arg(long)]
     format: Option<Format>,
+    /// What becomes of what the pictures in the folder `masks` beside the photos hide (black, or
+    /// transparent)
+    #[arg(long, value_enum, default_value = "ignore")]
+    masks: MasksArg,
     /// Start of the random numbers; the same seed and steps give the same model
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -70,6 +74,16 @@ enum StageArg {
     Geometry,
     /// How to repaint it
     Style,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MasksArg {
+    /// It is not there: never learned from or compared with
+    Ignore,
+    /// It is white background, as where a photo is transparent
+    Transparent,
+    /// Masks are not used
+    Off,
 }
 
 /// Sizes and schedules to start from.
@@ -133,6 +147,11 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
         budget: args.budget.get_or(BudgetArgs::DEFAULT),
         downscale: args.downscale,
         format: args.format,
+        masks: match args.masks {
+            MasksArg::Ignore => MaskUse::Ignore,
+            MasksArg::Transparent => MaskUse::Transparent,
+            MasksArg::Off => MaskUse::Off,
+        },
         seed: args.seed,
         device: args.device.open()?,
         recovery: Recovery {

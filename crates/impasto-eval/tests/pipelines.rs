@@ -67,6 +67,7 @@ fn tiny_model() -> Model {
         budget: Budget::Steps(60),
         downscale: 1,
         format: None,
+        masks: impasto_scene::MaskUse::Ignore,
         seed: 1,
         device: tested(),
         recovery: Recovery::default(),

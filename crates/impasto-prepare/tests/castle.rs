@@ -114,7 +114,7 @@ fn a_dozen_photos_of_the_castle_get_their_poses_back() {
 
     let small = LoadOptions {
         downscale: 8,
-        format: None,
+        ..LoadOptions::default()
     };
     let found = load(&options.scene, &small).unwrap();
     let (centre, angle) = errors(&found, &load(&castle, &small).unwrap());

@@ -93,6 +93,10 @@ pub struct Intrinsics {
     pub distortion: Distortion,
 }
 
+/// Focal lengths that lenses without fisheye projection have, in units of the image's side: from
+/// 176 degrees of view to what no telescope resolves.
+const SHARES: std::ops::RangeInclusive<f64> = 0.02..=1e6;
+
 impl Intrinsics {
     /// Says what makes these numbers unusable as a camera, if anything does.
     pub(crate) fn check(&self) -> Result<(), String> {
@@ -110,6 +114,24 @@ impl Intrinsics {
             if !(focal.is_finite() && focal > 0.0) {
                 return Err(format!("the focal length must be positive, not {focal}"));
             }
+        }
+        let (width, height) = (f64::from(self.width), f64::from(self.height));
+        for (focal, side) in [(self.fl_x, width), (self.fl_y, height)] {
+            if !SHARES.contains(&(focal / side)) {
+                return Err(format!(
+                    "a focal length of {focal} pixels does not belong to an image of {}×{}; state \
+                     both in the same pixels",
+                    self.width, self.height
+                ));
+            }
+        }
+        let inside = |at: f64, side: f64| (-side..=2.0 * side).contains(&at);
+        if !inside(self.cx, width) || !inside(self.cy, height) {
+            return Err(format!(
+                "the principal point ({}, {}) lies far outside the image of {}×{}; state both in the \
+                 same pixels",
+                self.cx, self.cy, self.width, self.height
+            ));
         }
         Ok(())
     }

@@ -1,12 +1,14 @@
 //! Which format a capture is in, by what lies in its folder.
 
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::SceneError;
+use crate::picture_file::is_picture;
 use crate::readers::llff::POSES;
 use crate::scene::Split;
 
@@ -92,9 +94,11 @@ pub fn detect(path: &Path) -> Result<Format, SceneError> {
 
 /// Finds the files of a capture, of the given format or of whichever is there.
 pub(crate) fn locate(path: &Path, format: Option<Format>) -> Result<Located, SceneError> {
-    if !path.exists() {
-        return Err(SceneError::Missing {
-            path: path.to_owned(),
+    if let Err(source) = std::fs::metadata(path) {
+        let path = path.to_owned();
+        return Err(match source.kind() {
+            ErrorKind::NotFound => SceneError::Missing { path },
+            _ => SceneError::Io { path, source },
         });
     }
     let found = match format {
@@ -176,7 +180,7 @@ fn what_is_there(path: &Path, format: Option<Format>) -> Result<String, SceneErr
     if let Some(format) = format {
         return Ok(format!("no capture in the format \"{format}\" here"));
     }
-    if path.is_file() {
+    if !path.is_dir() {
         return Ok("this file is not a capture".into());
     }
     let io = |source| SceneError::Io {
@@ -193,7 +197,7 @@ fn what_is_there(path: &Path, format: Option<Format>) -> Result<String, SceneErr
                 .to_lowercase(),
         );
     }
-    let photos = |name: &String| [".jpg", ".jpeg", ".png"].iter().any(|e| name.ends_with(e));
+    let photos = |name: &String| is_picture(Path::new(name));
     Ok(if names.is_empty() {
         "the folder is empty".into()
     } else if names.iter().any(photos) || names.iter().any(|n| n == "images") {

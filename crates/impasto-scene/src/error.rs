@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::file::{LARGEST_FILE, plainly, read_whole};
+
 /// Why a capture could not be loaded. Each message says what is wrong, where, and, where that is
 /// not obvious, what to do.
 #[derive(Debug, thiserror::Error)]
@@ -26,7 +28,7 @@ pub enum SceneError {
         found: String,
     },
     /// The operating system refused to read a file.
-    #[error("{}: cannot be read ({source})", path.display())]
+    #[error("{}: cannot be read ({})", path.display(), plainly(source))]
     Io {
         /// The file.
         path: PathBuf,
@@ -69,7 +71,10 @@ pub enum SceneError {
         problem: String,
     },
     /// A frame's photo is not there.
-    #[error("the photo of frame {frame} is missing: there is no {}", path.display())]
+    #[error(
+        "the photo of frame {frame} is missing: there is no {}; put it there or remove the frame",
+        path.display()
+    )]
     PhotoMissing {
         /// The frame's name.
         frame: String,
@@ -83,6 +88,53 @@ pub enum SceneError {
         path: PathBuf,
         /// What is wrong.
         problem: String,
+    },
+    /// A mask cannot be used.
+    #[error(
+        "{}: not a usable mask ({problem}); make it a picture of its photo's shape, white where the \
+         photo is used, or train with --masks off",
+        path.display()
+    )]
+    Mask {
+        /// The mask's file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A photo's size is not what it was a moment ago.
+    #[error(
+        "{}: the photo changed while the capture was read; wait until it is complete and try again",
+        path.display()
+    )]
+    Changed {
+        /// The photo's file.
+        path: PathBuf,
+    },
+    /// A photo's name leads out of the capture.
+    #[error(
+        "{}: the photo name {name:?} leads out of the capture's folder {}; put the photo into that \
+         folder and name it relative to it",
+        path.display(), shown(root)
+    )]
+    Outside {
+        /// The file that states the name.
+        path: PathBuf,
+        /// The name.
+        name: String,
+        /// The folder.
+        root: PathBuf,
+    },
+    /// Two frames have one name or one photo.
+    #[error(
+        "{}: the frames {first} and {second} are of the same photo; keep one of them", path.display()
+    )]
+    Duplicate {
+        /// The capture.
+        path: PathBuf,
+        /// A frame's name.
+        first: String,
+        /// The other's.
+        second: String,
     },
     /// A photo does not fit its camera.
     #[error(
@@ -123,6 +175,14 @@ pub enum SceneError {
     Downscale(u32),
 }
 
+/// A folder in a sentence, also the current one.
+fn shown(folder: &Path) -> String {
+    match folder.as_os_str().is_empty() {
+        true => ".".into(),
+        false => folder.display().to_string(),
+    }
+}
+
 impl SceneError {
     pub(crate) fn malformed(
         path: &Path,
@@ -139,7 +199,7 @@ impl SceneError {
 
 /// Reads a whole file; a failure names it.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
-    std::fs::read(path).map_err(|source| SceneError::Io {
+    read_whole(path, LARGEST_FILE).map_err(|source| SceneError::Io {
         path: path.to_owned(),
         source,
     })

@@ -19,6 +19,53 @@ pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     -10.0 * (squares.sum::<f64>() / a.len() as f64).log10()
 }
 
+/// [`psnr`] of some pixels only: `used` has one entry for each pixel, whose channels lie side by
+/// side. NaN when none is used.
+pub fn psnr_of(a: &[f32], b: &[f32], used: &[bool]) -> f64 {
+    let pixels = used.len().max(1);
+    let channels = a.len() / pixels;
+    if a.len() != b.len() || channels * used.len() != a.len() {
+        return f64::NAN;
+    }
+    let chosen = |values: &[f32]| -> Vec<f32> {
+        let pixels = values.chunks_exact(channels.max(1)).zip(used);
+        pixels
+            .filter(|(_, used)| **used)
+            .flat_map(|(p, _)| p.to_vec())
+            .collect()
+    };
+    psnr(&chosen(a), &chosen(b))
+}
+
+/// [`ssim`] of some pixels only: the mean over windows around used pixels, in which unused ones
+/// count as equal in both pictures. `used` has one entry for each pixel; NaN also when none that
+/// has a whole window is used.
+pub fn ssim_of(
+    a: &[f32],
+    b: &[f32],
+    (width, height, channels): (usize, usize, usize),
+    used: &[bool],
+) -> f64 {
+    if a.len() != b.len() || used.len() != width * height || width.min(height) < WINDOW {
+        return f64::NAN;
+    }
+    let mut a = a.to_vec();
+    for ((a, b), used) in a
+        .chunks_exact_mut(channels.max(1))
+        .zip(b.chunks_exact(channels.max(1)))
+        .zip(used)
+    {
+        if !used {
+            a.copy_from_slice(b);
+        }
+    }
+    let inner = |side: usize| WINDOW / 2..side - WINDOW / 2;
+    let centres: Vec<bool> = inner(height)
+        .flat_map(|y| inner(width).map(move |x| used[y * width + x]))
+        .collect();
+    mean_similarity(&a, b, (width, height, channels), Some(&centres))
+}
+
 /// Mean structural similarity (Wang et al. 2004) of two pictures, `height × width × channels`
 /// with values in `[0, 1]`; 1 for equal pictures.
 ///
@@ -26,6 +73,16 @@ pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
 /// averaged over the pixels whose window lies inside the picture, then over channels. NaN when a
 /// length is not `height · width · channels` or a side is shorter than the window.
 pub fn ssim(a: &[f32], b: &[f32], width: usize, height: usize, channels: usize) -> f64 {
+    mean_similarity(a, b, (width, height, channels), None)
+}
+
+/// The mean over windows, all of them or those whose centre is chosen, then over channels.
+fn mean_similarity(
+    a: &[f32],
+    b: &[f32],
+    (width, height, channels): (usize, usize, usize),
+    centres: Option<&[bool]>,
+) -> f64 {
     let length = width * height * channels;
     if a.len() != length || b.len() != length || width.min(height) < WINDOW || channels == 0 {
         return f64::NAN;
@@ -37,7 +94,11 @@ pub fn ssim(a: &[f32], b: &[f32], width: usize, height: usize, channels: usize) 
                 let values = picture.iter().skip(channel).step_by(channels);
                 values.map(|&v| f64::from(v)).collect()
             };
-            similarity(&plane(a), &plane(b), width, &weights)
+            let similarities = similarities(&plane(a), &plane(b), width, &weights);
+            let all = similarities.iter().enumerate();
+            let chosen = all.filter(|(i, _)| centres.is_none_or(|centres| centres[*i]));
+            let (sum, count) = chosen.fold((0.0, 0usize), |(s, n), (_, v)| (s + v, n + 1));
+            sum / count as f64
         })
         .sum();
     sum / channels as f64
@@ -54,8 +115,8 @@ fn window() -> [f64; WINDOW] {
     weights.map(|w| w / sum)
 }
 
-/// Mean similarity of two planes of equal size.
-fn similarity(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> f64 {
+/// Similarity of two planes of equal size, window by window.
+fn similarities(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
     let smooth = |f: fn(f64, f64) -> f64| {
         let plane: Vec<f64> = a.iter().zip(b).map(|(&a, &b)| f(a, b)).collect();
         filter(&plane, width, weights)
@@ -66,15 +127,14 @@ fn similarity(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> f6
         smooth(|_, b| b * b),
         smooth(|a, b| a * b),
     );
-    let sum: f64 = (0..mean_a.len())
+    (0..mean_a.len())
         .map(|i| {
             let (ma, mb) = (mean_a[i], mean_b[i]);
             let (var_a, var_b, covariance) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
             let means = (2.0 * ma * mb + C1) / (ma * ma + mb * mb + C1);
             means * (2.0 * covariance + C2) / (var_a + var_b + C2)
         })
-        .sum();
-    sum / mean_a.len() as f64
+        .collect()
 }
 
 /// Separable convolution; the result has `WINDOW − 1` fewer rows and columns.
@@ -121,6 +181,25 @@ mod tests {
         assert!((psnr(&[0.0, 1.0], &[0.0, 0.0]) - 3.010_299_956_639_812).abs() < 1e-12);
         assert_eq!(psnr(&[0.3; 4], &[0.3; 4]), f64::INFINITY);
         assert!(psnr(&[0.0; 3], &[0.0; 4]).is_nan() && psnr(&[], &[]).is_nan());
+    }
+
+    #[test]
+    fn unused_pixels_do_not_count() {
+        let (mut a, b) = pictures();
+        let (whole, all) = (ssim(&a, &b, 19, 14, 3), vec![true; 19 * 14]);
+        assert_eq!(ssim_of(&a, &b, (19, 14, 3), &all), whole);
+        assert_eq!(psnr_of(&a, &b, &all), psnr(&a, &b));
+        let used: Vec<bool> = (0..19 * 14).map(|i| i % 19 < 11).collect();
+        let measured = |a: &[f32]| (psnr_of(a, &b, &used), ssim_of(a, &b, (19, 14, 3), &used));
+        let before = measured(&a);
+        for (pixel, _) in a.chunks_exact_mut(3).zip(&used).filter(|(_, used)| !**used) {
+            pixel.fill(0.9);
+        }
+        assert_eq!(measured(&a), before);
+        a[0] = 1.0;
+        assert_ne!(measured(&a).0, before.0);
+        assert!(psnr_of(&a, &b, &[false; 19 * 14]).is_nan());
+        assert!(ssim_of(&a, &b, (19, 14, 3), &[false; 19 * 14]).is_nan());
     }
 
     #[test]

@@ -12,13 +12,15 @@ use common::*;
 use glam::{DMat4, DVec3};
 use impasto_scene::builtin::{self, BuiltinOptions, write_capture};
 use impasto_scene::{
-    Camera, Distortion, Format, LoadOptions, Scene, Split, detect, load, nerf_plus_plus_path, npy,
+    Camera, Distortion, Format, LoadOptions, MaskUse, Scene, Split, detect, load,
+    nerf_plus_plus_path, npy,
 };
 use serde_json::json;
 
 const WHOLE: LoadOptions = LoadOptions {
     downscale: 1,
     format: None,
+    masks: MaskUse::Ignore,
 };
 
 /// Every photo's camera, taken back to the capture, is the one that was written.
@@ -169,6 +171,7 @@ fn downscaling_scales_cameras_points_and_pixels() {
     let options = LoadOptions {
         downscale: 7,
         format: None,
+        masks: MaskUse::Ignore,
     };
     let scene = load(dir.path(), &options).unwrap();
     let photo = &scene.photos[0];
@@ -406,6 +409,7 @@ fn the_format_can_be_forced_where_both_are_present() {
     let options = LoadOptions {
         downscale: 1,
         format: Some(Format::Transforms),
+        masks: MaskUse::Ignore,
     };
     assert_eq!(load(dir.path(), &options).unwrap().photos.len(), 2);
 }

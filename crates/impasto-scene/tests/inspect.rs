@@ -49,6 +49,7 @@ fn scene(views: &[BuiltinView], with_points: bool) -> Scene {
         camera: view.camera,
         split: Split::by_index(index),
         pixels: view.pixels.clone(),
+        mask: None,
     };
     Scene {
         name: "square".into(),
@@ -61,6 +62,7 @@ fn scene(views: &[BuiltinView], with_points: bool) -> Scene {
         },
         normalisation: Normalisation::IDENTITY,
         synthetic: true,
+        warnings: Vec::new(),
     }
 }
 

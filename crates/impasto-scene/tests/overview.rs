@@ -36,6 +36,7 @@ fn scene() -> Scene {
         points: Vec::new(),
         normalisation: Normalisation::IDENTITY,
         synthetic: true,
+        warnings: Vec::new(),
     }
 }
 
@@ -149,7 +150,7 @@ fn a_real_capture_fills_its_picture() {
     };
     let options = LoadOptions {
         downscale: 16,
-        format: None,
+        ..LoadOptions::default()
     };
     let drawn = picture(&load(&path, &options).unwrap());
     assert!(height(&places(&drawn, 0, is_blue)) > 250.0);

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use common::*;
-use impasto_scene::{Format, LoadOptions, load, npy};
+use impasto_scene::{Format, LoadOptions, MaskUse, load, npy};
 use serde_json::{Value, json};
 
 /// The message that loading `path` fails with: one or two sentences on one line.
@@ -49,6 +49,7 @@ fn nothing_there() {
     let forced = LoadOptions {
         downscale: 1,
         format: Some(Format::Colmap),
+        masks: MaskUse::Ignore,
     };
     assert_says(
         &load(dir.path(), &forced).unwrap_err().to_string(),
@@ -57,6 +58,7 @@ fn nothing_there() {
     let none = LoadOptions {
         downscale: 0,
         format: None,
+        masks: MaskUse::Ignore,
     };
     assert_says(
         &load(dir.path(), &none).unwrap_err().to_string(),

@@ -5,13 +5,14 @@ mod common;
 
 use common::shared;
 use glam::DVec3;
-use impasto_scene::{Camera, LoadOptions, Scene, Split, load, paths};
+use impasto_scene::{Camera, LoadOptions, MaskUse, Scene, Split, load, paths};
 
 fn scene(name: &str) -> Option<Scene> {
     let path = shared(&format!("data/scenes/{name}"))?;
     let options = LoadOptions {
         downscale: 8,
         format: None,
+        masks: MaskUse::Ignore,
     };
     Some(load(&path, &options).unwrap_or_else(|e| panic!("{e}")))
 }

@@ -13,7 +13,7 @@ pub enum StyleError {
         reason: String,
     },
     /// A weight file cannot be read.
-    #[error("{}: cannot be read ({source})", path.display())]
+    #[error("{}: cannot be read ({source}); check the path", path.display())]
     Read {
         /// The file.
         path: PathBuf,

@@ -12,6 +12,7 @@ use crate::{TrainError, hash::Hash};
 use burn::tensor::Device;
 use impasto_kernels::DensityGrid;
 use impasto_kernels::ops::AdamParam;
+use impasto_scene::file::{LARGEST_FILE, plainly, read_whole};
 use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
@@ -109,10 +110,10 @@ impl Checkpoint {
             path: path.clone(),
             reason,
         };
-        let bytes = match std::fs::read(&path) {
+        let bytes = match read_whole(&path, LARGEST_FILE) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(failed(format!("cannot be read ({e})"))),
+            Err(e) => return Err(failed(format!("cannot be read ({})", plainly(&e)))),
         };
         let position = opened(&bytes).map_err(failed)?;
         Ok(Some(Self {

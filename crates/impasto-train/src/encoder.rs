@@ -8,6 +8,7 @@ use crate::progress::{REPORT_EVERY, Smooth};
 use crate::style_folder::{StyleFile, StyleFolder};
 use crate::styles::STYLE_SIDE;
 use burn::tensor::Device;
+use impasto_scene::file::{LARGEST_FILE, plainly, read_whole};
 use impasto_style::{
     Network, Perceptual, Statistics, StyleError, StyleInput, StyleVae, VaeTraining, train_vae,
 };
@@ -162,9 +163,12 @@ pub fn check_encoder(
 /// If it cannot be read or is no encoder.
 pub fn read_encoder(path: &Path) -> Result<StyleVae, TrainError> {
     let name = path.display().to_string();
-    let bytes = std::fs::read(path).map_err(|e| StyleError::Weights {
+    let bytes = read_whole(path, LARGEST_FILE).map_err(|e| StyleError::Weights {
         file: name.clone(),
-        reason: format!("cannot be read ({e}); `impasto train-encoder` makes one"),
+        reason: format!(
+            "cannot be read ({}); `impasto train-encoder` makes one",
+            plainly(&e)
+        ),
     })?;
     Ok(StyleVae::from_bytes(&name, &bytes)?)
 }

@@ -543,9 +543,13 @@ fn known_surfaces(scene: &Scene) -> Vec<KnownSurface> {
             let k = &camera.intrinsics;
             let (x, y) = (seen.pixel.x.floor(), seen.pixel.y.floor());
             if x >= 0.0 && y >= 0.0 && x < f64::from(k.width) && y < f64::from(k.height) {
+                let pixel = y as usize * k.width as usize + x as usize;
+                if !scene.photos[seen.photo].is_used(pixel) {
+                    continue;
+                }
                 surfaces.push(KnownSurface {
                     photo,
-                    pixel: y as usize * k.width as usize + x as usize,
+                    pixel,
                     distance: point.position.distance(camera.centre()) as f32,
                 });
             }

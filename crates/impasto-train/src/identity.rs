@@ -27,15 +27,17 @@ pub struct Identity {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct PhotoMark {
     name: String,
-    /// Of its camera, split and pixels.
+    /// Of its camera, split, pixels and mask.
     hash: u64,
 }
 
 impl PhotoMark {
     fn of(photo: &Photo) -> Self {
         let camera = serde_json::to_string(&photo.camera).unwrap_or_default();
+        let shown = photo.mask.iter().flatten().map(|shown| u8::from(*shown));
         let hash = Hash::of(&photo.name)
             .with_words(photo.pixels.as_raw())
+            .with_words(&shown.collect::<Vec<u8>>())
             .and(&camera)
             .and(&format!("{:?}", photo.split));
         Self {
@@ -101,7 +103,7 @@ impl Identity {
         let changed = ours.iter().zip(theirs).find(|(a, b)| a != b);
         changed.map(|(photo, _)| {
             format!(
-                "has a photo {} of other pixels, pose or split than there is now",
+                "has a photo {} of other pixels, pose, mask or split than there is now",
                 photo.name
             )
         })
@@ -179,7 +181,7 @@ mod tests {
             (|i| i.photos.truncate(1), "has 2 photos, not 1"),
             (
                 |i| i.photos[1].hash = 8,
-                "has a photo b.jpg of other pixels, pose or split than there is now",
+                "has a photo b.jpg of other pixels, pose, mask or split than there is now",
             ),
         ] {
             assert_eq!(said(change).as_deref(), Some(wanted));

@@ -12,6 +12,7 @@ use impasto_field::branch::vector;
 use impasto_field::render::host;
 use impasto_field::{Appearance, BranchWeights, Canvas, Field, FieldWeights, Grids};
 use impasto_kernels::DensityGrid;
+use impasto_scene::file::{LARGEST_FILE, plainly, read_whole};
 use impasto_scene::{Camera, Normalisation, Split};
 use impasto_style::{HypernetworkWeights, StyleError, StyleVae};
 use safetensors::tensor::{Dtype, TensorView};
@@ -269,22 +270,25 @@ impl ModelFile {
             path: path.clone(),
             reason,
         };
-        let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
+        let bytes = read_whole(&path, LARGEST_FILE).map_err(|e| match e.kind() {
             std::io::ErrorKind::NotFound if path.with_file_name(CHECKPOINT_FILE).exists() => {
                 failed("its training is not finished; go on with `impasto train … --resume`".into())
             }
             std::io::ErrorKind::NotFound => {
                 failed("there is no model here; `impasto train` makes one".into())
             }
-            _ => failed(format!("cannot be read ({e})")),
+            _ => failed(format!("cannot be read ({})", plainly(&e))),
         })?;
-        let (_, metadata) = SafeTensors::read_metadata(&bytes)
-            .map_err(|e| failed(format!("is not a whole safetensors file ({e})")))?;
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|e| {
+            failed(format!(
+                "is not a whole safetensors file ({e}); copy it again or train it again"
+            ))
+        })?;
         let json = metadata
             .metadata()
             .as_ref()
             .and_then(|m| m.get(KEY))
-            .ok_or_else(|| failed("is a safetensors file, but not of Impasto".into()))?;
+            .ok_or_else(|| failed("is a safetensors file, but not a model of Impasto; give what `impasto train` wrote".into()))?;
         let header: Header = serde_json::from_str(json).map_err(|e| {
             failed(format!(
                 "has a header of another version ({e}); train it again"
@@ -296,13 +300,15 @@ impl ModelFile {
                 header.version
             )));
         }
-        let tensors =
-            SafeTensors::deserialize(&bytes).map_err(|e| failed(format!("is damaged ({e})")))?;
+        let tensors = SafeTensors::deserialize(&bytes)
+            .map_err(|e| failed(format!("is damaged ({e}); copy it again or train it again")))?;
         let reader = Reader {
             tensors: &tensors,
             device,
         };
-        reader.model(header).map_err(failed)
+        reader
+            .model(header)
+            .map_err(|problem| failed(format!("{problem}; copy it again or train it again")))
     }
 }
 

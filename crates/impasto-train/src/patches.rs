@@ -104,7 +104,7 @@ impl PatchPool {
         frozen: Frozen,
         photos: Vec<PhotoRays>,
     ) -> Self {
-        let all = photos.iter().flat_map(|p| p.pixels.chunks_exact(3));
+        let all = photos.iter().flat_map(PhotoRays::used_colours);
         Self {
             palette: Palette::of(all.step_by(PALETTE_STEP)),
             neighbours: neighbours(&photos),
@@ -226,10 +226,15 @@ impl PatchPool {
                 height,
                 least: rows.max(columns),
             })?;
+        // What a mask hides must not be repainted; the field has never seen it.
+        let target = match self.photos[photo].used {
+            Some(_) => ContentTarget::Render,
+            None => self.target,
+        };
         let mut batch = RayBatch::default();
         let mut wanted = Vec::new();
         for point in patch.points(self.supersampling) {
-            match self.target {
+            match target {
                 ContentTarget::Render => rays.push_at(point, &mut batch),
                 ContentTarget::Photo => {
                     let pixel = rays.pixel_at(point);
@@ -243,7 +248,7 @@ impl PatchPool {
             grids,
             photo_app,
         } = &self.frozen;
-        let photo = (self.target == ContentTarget::Render).then_some(photo_app);
+        let photo = (target == ContentTarget::Render).then_some(photo_app);
         let prepared = prepare_rays(
             (&self.field, weights, grids),
             photo,
@@ -362,6 +367,7 @@ mod tests {
         PhotoRays {
             rays: sized_camera(DVec3::X * x, yaw, [24, 20]),
             pixels: vec![0.5; 24 * 20 * 3],
+            used: None,
         }
     }
 

@@ -129,6 +129,25 @@ pub struct PhotoRays {
     pub rays: CameraRays,
     /// `height × width × 3` in `[0, 1]`.
     pub pixels: Vec<f32>,
+    /// Indices of the pixels that show the place, in order, where not all do; at least one.
+    pub used: Option<Vec<u32>>,
+}
+
+impl PhotoRays {
+    /// How many pixels show the place.
+    pub fn used_count(&self) -> usize {
+        self.used.as_ref().map_or(self.pixels.len() / 3, Vec::len)
+    }
+
+    /// Index of the `n`th of those pixels.
+    pub fn used_pixel(&self, n: usize) -> usize {
+        self.used.as_ref().map_or(n, |used| used[n] as usize)
+    }
+
+    /// Their colours.
+    pub fn used_colours(&self) -> impl Iterator<Item = &[f32]> + Clone {
+        (0..self.used_count()).map(|n| &self.pixels[3 * self.used_pixel(n)..][..3])
+    }
 }
 
 /// Photos as floats, with their rays.
@@ -150,6 +169,10 @@ pub fn photo_rays<'a>(photos: impl Iterator<Item = &'a Photo>) -> Vec<PhotoRays>
                 .iter()
                 .map(|v| f32::from(*v) / 255.0)
                 .collect(),
+            used: photo.mask.as_ref().map(|mask| {
+                let used = (0u32..).zip(mask).filter(|(_, used)| **used);
+                used.map(|(pixel, _)| pixel).collect()
+            }),
         });
     }
     all
@@ -186,7 +209,7 @@ pub struct KnownSurface {
     pub distance: f32,
 }
 
-/// Draws `count` uniform pixels of all photos, and `known` rays to known surfaces.
+/// Draws `count` uniform pixels, of those that show the place, of all photos, and `known` rays to known surfaces.
 pub fn draw(
     photos: &[PhotoRays],
     surfaces: &[KnownSurface],
@@ -206,7 +229,7 @@ pub fn draw(
     }
     for _ in 0..count {
         let photo = &photos[rng.random_range(0..photos.len())];
-        let pixel = rng.random_range(0..photo.pixels.len() / 3);
+        let pixel = photo.used_pixel(rng.random_range(0..photo.used_count()));
         targets.push(photo, pixel, None);
     }
     targets
@@ -255,6 +278,27 @@ pub(crate) mod tests {
         assert!(pairs(&found.directions, &wanted.directions));
         assert_eq!(one.distance(&other), 1.0);
         assert!((one.alignment(&other) - 1f32.cos()).abs() < 1e-5);
+    }
+
+    #[test]
+    fn hidden_pixels_are_never_drawn_and_all_others_are() {
+        use rand::SeedableRng;
+        let photo = |used: Option<Vec<u32>>| PhotoRays {
+            rays: camera(DVec3::ZERO, 0.0),
+            pixels: (0..8 * 6 * 3).map(|i| (i / 3) as f32).collect(),
+            used,
+        };
+        let shown: Vec<u32> = (0..48).filter(|i| i % 3 != 1).collect();
+        let masked = [photo(Some(shown.clone())), photo(Some(vec![7]))];
+        let mut rng = Pcg64::seed_from_u64(1);
+        let drawn = draw(&masked, &[], (2000, 0), &mut rng);
+        let mut pixels: Vec<u32> = drawn.colours.chunks(3).map(|c| c[0] as u32).collect();
+        pixels.sort_unstable();
+        pixels.dedup();
+        assert_eq!(pixels, shown);
+        // A mask that hides nothing changes nothing.
+        let of = |used| draw(&[photo(used)], &[], (99, 0), &mut Pcg64::seed_from_u64(2)).colours;
+        assert_eq!(of(None), of(Some((0..48).collect())));
     }
 
     #[test]

@@ -51,6 +51,7 @@ impl<'a> Refinement<'a> {
         let photos = cameras.iter().map(|camera| PhotoRays {
             rays: CameraRays::new(camera, None),
             pixels: Vec::new(),
+            used: None,
         });
         // A model holds no photos to compare with.
         let settings = StyleConfig {

@@ -30,6 +30,7 @@ impl Model {
             camera: view.camera.resized(pixels.width(), pixels.height()),
             split: view.split,
             pixels,
+            mask: None,
         });
         let photos: Vec<Photo> = photos.collect();
         let photos: Vec<&Photo> = photos.iter().collect();

@@ -14,7 +14,7 @@ use crate::recovery::{Recovery, Unfinished};
 use crate::run::{Earlier, Run};
 use crate::style_folder::StyleFolder;
 use burn::tensor::Device;
-use impasto_scene::{Format, LoadOptions, Scene};
+use impasto_scene::{Format, LoadOptions, MaskUse, Scene};
 use impasto_style::StyleVae;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -67,6 +67,8 @@ pub struct TrainOptions {
     pub downscale: u32,
     /// Overrides the detected format.
     pub format: Option<Format>,
+    /// What becomes of pixels that a mask hides.
+    pub masks: MaskUse,
     /// Seed of everything random.
     pub seed: u64,
     /// What the stages compute on; see [`crate::DeviceChoice`].
@@ -122,6 +124,7 @@ pub fn train(
     let load = LoadOptions {
         downscale: options.downscale,
         format: options.format,
+        masks: options.masks,
     };
     let scene = impasto_scene::load(&options.scene, &load)?;
     check_sizes(&scene, options)?;
@@ -146,10 +149,10 @@ pub fn train(
     let mut log = Log::create(&options.output, watch, sink)?;
     let found = paintings.as_ref().map_or(0, |folder| folder.files.len());
     log.event(&loaded(&scene, found));
-    if let Some(earlier) = &earlier {
-        for message in changes(options, &identity, earlier) {
-            log.event(&Event::Warning { message });
-        }
+    let warnings = scene.warnings.iter().cloned();
+    let changes = earlier.iter().flat_map(|e| changes(options, &identity, e));
+    for message in warnings.chain(changes) {
+        log.event(&Event::Warning { message });
     }
     let mut run = Run {
         options,

@@ -25,14 +25,10 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
         }
         let view = model.render(&photo.camera, &[&look]);
         let truth = picture(&photo.pixels);
-        quality.psnr += storable(metrics::psnr(&view.pixels[0], &truth));
-        quality.ssim += storable(metrics::ssim(
-            &view.pixels[0],
-            &truth,
-            view.width,
-            view.height,
-            3,
-        ));
+        let pair = [&view.pixels[0], &truth].map(Vec::as_slice);
+        let (psnr, ssim) = compare(pair, (view.width, view.height), photo.mask.as_deref());
+        quality.psnr += storable(psnr);
+        quality.ssim += storable(ssim);
         quality.views += 1;
         preview.get_or_insert_with(|| beside(&[photo.pixels.clone(), view.image(0)]));
     }
@@ -40,6 +36,24 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
     quality.psnr /= n;
     quality.ssim /= n;
     (quality, preview)
+}
+
+/// PSNR and SSIM of a render and its photo, of the pixels that show the place.
+fn compare(
+    [view, truth]: [&[f32]; 2],
+    (width, height): (usize, usize),
+    mask: Option<&[bool]>,
+) -> (f64, f64) {
+    match mask {
+        None => (
+            metrics::psnr(view, truth),
+            metrics::ssim(view, truth, width, height, 3),
+        ),
+        Some(mask) => (
+            metrics::psnr_of(view, truth, mask),
+            metrics::ssim_of(view, truth, (width, height, 3), mask),
+        ),
+    }
 }
 
 /// JSON has no infinity and no NaN: a perfect view counts as 99 dB, an unmeasurable one as 0.

@@ -26,6 +26,7 @@ fn scene(photos: usize, width: u32, height: u32) -> Scene {
         camera,
         split: Split::by_index(index),
         pixels: RgbImage::from_pixel(width, height, image::Rgb([128; 3])),
+        mask: None,
     };
     Scene {
         name: "grey".into(),
@@ -37,6 +38,7 @@ fn scene(photos: usize, width: u32, height: u32) -> Scene {
             scale: 0.1,
         },
         synthetic: true,
+        warnings: Vec::new(),
     }
 }
 

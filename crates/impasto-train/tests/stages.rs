@@ -316,6 +316,7 @@ fn run(dir: &tempfile::TempDir, config: TrainConfig, sink: &mut dyn FnMut(&Event
         budget: Budget::Steps(30),
         downscale: 1,
         format: None,
+        masks: impasto_scene::MaskUse::Ignore,
         seed: 1,
         device: tested(),
         recovery: Recovery::default(),

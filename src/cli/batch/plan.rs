@@ -3,14 +3,12 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use impasto::scene::is_picture;
 use impasto_train::StyleFolder;
 
 use super::file::{JobsFile, RenderTable, TrainTable};
 use crate::cli::CliError;
 use crate::cli::render::{FRAMES, RenderSettings, ViewSource};
-
-/// Endings of files that are taken from a folder of paintings.
-const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "gif", "webp", "tif", "tiff"];
 
 /// Everything to do. Items are numbered: models to train first, then renders.
 #[derive(Debug)]
@@ -229,9 +227,8 @@ fn styles(table: &RenderTable) -> Result<Vec<StyleSource>, String> {
         let folder = StyleFolder::walk(path)
             .map_err(|error| format!("styles {}: {error}", path.display()))?;
         for file in folder.files {
-            let ending = file.path.extension().unwrap_or_default().to_string_lossy();
             let stem = Path::new(&file.name).with_extension("");
-            if PICTURES.contains(&ending.to_ascii_lowercase().as_str()) {
+            if is_picture(&file.path) {
                 found.push(StyleSource {
                     // A sub-folder's painting has no sub-folder of its own.
                     name: stem.to_string_lossy().replace(['/', '\\'], "-"),

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use impasto::scene::MaskUse;
 use impasto::{
     Budget, Device, Recovery, Stages, TrainOptions, TrainSummary, Unfinished, cache_folder,
 };
@@ -80,6 +81,7 @@ fn options(table: &TrainTable, device: Device) -> Result<TrainOptions, CliError>
         },
         downscale: table.downscale.unwrap_or(1),
         format: table.format,
+        masks: MaskUse::default(),
         seed: table.seed,
         device,
         recovery: Recovery {

@@ -12,7 +12,7 @@ use clap::Args;
 use image::RgbImage;
 use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
-use impasto::scene::{Format, LoadOptions, load};
+use impasto::scene::{Format, LoadOptions, MaskUse, load};
 use impasto::{
     Device, Inspiration, Look, Model, Recovery, Stages, TrainConfig, TrainOptions, TrainSummary,
     Unfinished, cache_folder,
@@ -141,6 +141,7 @@ fn trained(args: &DemoArgs, device: Device) -> Result<TrainSummary, CliError> {
         budget: args.budget.get_or(TRAINING),
         downscale: 1,
         format: Some(Format::Transforms),
+        masks: MaskUse::Off,
         seed: args.seed,
         device,
         recovery: Recovery {

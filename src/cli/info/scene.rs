@@ -26,6 +26,7 @@ pub fn describe(path: &Path, args: &SceneArgs) -> Result<(Value, String), CliErr
     let options = LoadOptions {
         format: args.format,
         downscale: args.downscale,
+        ..LoadOptions::default()
     };
     let scene = load(path, &options)?;
     let found = inspect(&scene);
@@ -48,7 +49,14 @@ const FEW_PHOTOS: usize = 10;
 const GAP: std::ops::Range<f64> = 60.0..180.0;
 
 fn warnings(scene: &Scene, found: &Inspection) -> Vec<Warning> {
-    let mut all = Vec::new();
+    let loading = scene.warnings.iter().map(|told| {
+        let (problem, advice) = told.split_once("; ").unwrap_or((told, "see the manual"));
+        Warning {
+            problem: problem.to_owned(),
+            advice: advice.to_owned(),
+        }
+    });
+    let mut all: Vec<Warning> = loading.collect();
     let count = scene.photos.len();
     if count < FEW_PHOTOS {
         all.push(Warning {

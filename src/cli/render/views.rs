@@ -1,9 +1,9 @@
 //! Where to render from.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use impasto::scene::file::read_text;
 use impasto::scene::paths::{KeyframeOptions, keyframes, orbit, spiral};
 use impasto::scene::{Camera, Intrinsics, Split, nerf_plus_plus_path};
 use impasto::{Model, ModelScene};
@@ -78,7 +78,7 @@ pub fn views(
             spread(path.len(), frames).map(place).collect()
         }
         ViewSource::File(path) => {
-            let text = fs::read_to_string(path).map_err(CliError::read(path))?;
+            let text = read_text(path).map_err(CliError::read(path))?;
             let options = KeyframeOptions {
                 cameras: &train,
                 normalisation: &scene.normalisation,

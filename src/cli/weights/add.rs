@@ -6,6 +6,7 @@ use std::path::Path;
 use image::RgbImage;
 use impasto::paintings::{Recipe, paint};
 use impasto::scene::builtin::{BuiltinOptions, cameras, render};
+use impasto::scene::file::check_regular;
 use impasto::weights::{Checkpoint, Form, Scheme, VGG19_FILE, inspect_vgg19, normalise, sha256};
 use serde_json::json;
 
@@ -34,6 +35,8 @@ pub fn run(file: &Path, folder: &Path) -> Result<Answer, CliError> {
 
 /// Installs the checkpoint in `file`, which messages call `name`.
 pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliError> {
+    // A pipe would wait for ever.
+    check_regular(file).map_err(CliError::read(file))?;
     let open = || File::open(file).map_err(CliError::read(file));
     check_named_digest(name, || sha256(open()?).map_err(CliError::read(file)))?;
     let mut checkpoint = Checkpoint::read(name, open()?)?;

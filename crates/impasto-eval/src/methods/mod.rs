@@ -32,9 +32,11 @@ pub trait Stylizer: Sync {
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, StyleError> {
-    std::fs::read(path).map_err(|source| StyleError::Read {
-        path: path.to_owned(),
-        source,
+    impasto_scene::file::read_whole(path, impasto_scene::file::LARGEST_FILE).map_err(|source| {
+        StyleError::Read {
+            path: path.to_owned(),
+            source,
+        }
     })
 }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod colmap;
 pub(crate) mod llff;
+mod names;
 pub(crate) mod nerf_plus_plus;
 pub(crate) mod transforms;
 
@@ -12,8 +13,11 @@ use glam::{DVec2, DVec3};
 use crate::camera::Camera;
 use crate::detect::Located;
 use crate::error::SceneError;
+use crate::picture_file;
 use crate::pose;
 use crate::scene::Split;
+
+pub(crate) use names::plain_path;
 
 /// A capture in its own coordinates, before any photo is decoded.
 #[derive(Debug, Default)]
@@ -33,6 +37,10 @@ pub(crate) struct Frame {
     pub(crate) camera: Camera,
     /// The split, when the format has one.
     pub(crate) split: Option<Split>,
+    /// The picture that says which pixels show the place.
+    pub(crate) mask: Option<PathBuf>,
+    /// Whether the camera's size is the photo's own, because the format states none.
+    pub(crate) measured: bool,
 }
 
 impl Frame {
@@ -60,6 +68,8 @@ impl Frame {
                 ..camera
             },
             split,
+            mask: None,
+            measured: false,
         })
     }
 }
@@ -82,6 +92,19 @@ pub(crate) fn read(located: &Located) -> Result<Capture, SceneError> {
     }
 }
 
+/// The folder that all photos of a capture are in, at whatever depth.
+pub(crate) fn root(located: &Located) -> PathBuf {
+    let root = match located {
+        Located::Colmap { model, .. } => colmap::root(model),
+        Located::Transforms { files } => files
+            .first()
+            .and_then(|(file, _)| file.parent())
+            .map(Path::to_owned),
+        Located::NerfPlusPlus { root } | Located::Llff { root } => Some(root.clone()),
+    };
+    root.unwrap_or_default()
+}
+
 /// The files of a folder that `wanted` accepts, in order of name.
 fn files_in(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>, SceneError> {
     let io = |source| SceneError::Io {
@@ -101,19 +124,12 @@ fn files_in(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf
 
 /// Whether a file's ending is that of a photo.
 fn is_photo(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| {
-        ["png", "jpg", "jpeg"]
-            .iter()
-            .any(|known| ending.eq_ignore_ascii_case(known))
-    })
+    picture_file::is_picture(path)
 }
 
 /// Width and height of a photo, from its header.
 fn photo_size(photo: &Path) -> Result<(u32, u32), SceneError> {
-    image::image_dimensions(photo).map_err(|e| SceneError::Photo {
-        path: photo.to_owned(),
-        problem: e.to_string(),
-    })
+    picture_file::stored_size(photo)
 }
 
 impl Capture {

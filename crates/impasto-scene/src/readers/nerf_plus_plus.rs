@@ -108,6 +108,8 @@ fn view(
         name,
         photo,
         split: Some(split),
+        mask: None,
+        measured: true,
     })
 }
 

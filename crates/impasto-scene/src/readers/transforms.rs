@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use glam::DMat4;
 use serde::Deserialize;
 
-use super::{Capture, Frame, photo_size};
+use super::{Capture, Frame, names, photo_size};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::error::{SceneError, read_text};
+use crate::picture_file::PICTURE_ENDINGS;
 use crate::pose;
 use crate::scene::Split;
 
@@ -22,9 +23,6 @@ const LENS_MODELS: [&str; 6] = [
     "SIMPLE_RADIAL",
     "PERSPECTIVE",
 ];
-
-/// Endings tried when `file_path` names no file as it stands.
-const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
 
 /// A lens description; any part may be absent. Sizes may be written as 1080.0.
 #[derive(Deserialize, Default)]
@@ -50,6 +48,8 @@ struct Lens {
 #[derive(Deserialize)]
 struct FrameEntry {
     file_path: String,
+    /// nerfstudio's: a picture that is white where the photo is used.
+    mask_path: Option<String>,
     transform_matrix: Vec<Vec<f64>>,
     #[serde(flatten)]
     lens: Lens,
@@ -178,19 +178,34 @@ fn frame(
         problem: "is not a 4×4 or 3×4 matrix".into(),
     })?;
     check_model(&entry.lens, global, path, &format!("frame {name}"))?;
+    let measured = stated_size(&entry.lens, global).is_none();
     let camera = Camera {
         intrinsics: intrinsics(&entry.lens, global, &photo)?,
         camera_to_world: pose::from_opengl(matrix),
     };
-    Frame::checked(path, (name, photo), camera, split)
+    let mask = entry.mask_path.as_deref();
+    let mask = mask.map(|mask| find_mask(mask, &name, path)).transpose()?;
+    Ok(Frame {
+        mask,
+        measured,
+        ..Frame::checked(path, (name, photo), camera, split)?
+    })
 }
 
 /// The name (with its ending) and the path of a frame's photo.
 fn find_photo(file_path: &str, path: &Path) -> Result<(String, PathBuf), SceneError> {
-    let name = plain(file_path);
     let folder = path.parent().unwrap_or(Path::new(""));
-    let endings = ENDINGS.iter().map(|ending| format!("{name}.{ending}"));
-    std::iter::once(name.to_owned())
+    names::check(file_path, (folder, 0), path)?;
+    let name = plain(file_path);
+    let endings = PICTURE_ENDINGS.map(str::to_ascii_uppercase);
+    let endings = PICTURE_ENDINGS
+        .iter()
+        .copied()
+        .chain(endings.iter().map(String::as_str));
+    // The ending may be left out, and programs on Windows write their own separator.
+    let endings = endings.map(|ending| format!("{name}.{ending}"));
+    [name.to_owned(), name.replace('\\', "/")]
+        .into_iter()
         .chain(endings)
         .map(|name| (folder.join(&name), name))
         .find(|(photo, _)| photo.is_file())
@@ -199,6 +214,25 @@ fn find_photo(file_path: &str, path: &Path) -> Result<(String, PathBuf), SceneEr
             frame: file_path.to_owned(),
             path: folder.join(name),
         })
+}
+
+/// The path of a frame's mask.
+fn find_mask(mask_path: &str, frame: &str, path: &Path) -> Result<PathBuf, SceneError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    names::check(mask_path, (folder, 0), path)?;
+    let mask = folder.join(plain(mask_path));
+    if mask.exists() {
+        return Ok(mask);
+    }
+    let problem = format!(
+        "there is no mask {}; add it or remove \"mask_path\"",
+        mask.display()
+    );
+    Err(SceneError::malformed(
+        path,
+        format!("frame {frame}"),
+        problem,
+    ))
 }
 
 fn matrix(rows: &[Vec<f64>]) -> Option<DMat4> {
@@ -241,13 +275,16 @@ fn check_model(own: &Lens, global: &Lens, path: &Path, place: &str) -> Result<()
     Ok(())
 }
 
+fn stated_size(own: &Lens, global: &Lens) -> Option<(f64, f64)> {
+    own.w.or(global.w).zip(own.h.or(global.h))
+}
+
 /// A frame's lens: its own numbers where it has them, else the global ones; a size that is stated
 /// nowhere is the photo's. A stated focal length comes before a field of view at the same level.
 fn intrinsics(own: &Lens, global: &Lens, photo: &Path) -> Result<Intrinsics, SceneError> {
-    let stated = (own.w.or(global.w), own.h.or(global.h));
-    let (width, height) = match stated {
-        (Some(w), Some(h)) => (w, h),
-        _ => {
+    let (width, height) = match stated_size(own, global) {
+        Some(stated) => stated,
+        None => {
             let (w, h) = photo_size(photo)?;
             (f64::from(w), f64::from(h))
         }

@@ -130,6 +130,7 @@ fn small(photo: &Photo) -> Photo {
     Photo {
         camera: photo.camera.resized(width, height),
         pixels: resize(&photo.pixels, width, height, FilterType::Nearest),
+        mask: None,
         ..photo.clone()
     }
 }

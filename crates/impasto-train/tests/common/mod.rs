@@ -75,6 +75,7 @@ pub fn run(dir: &Path) -> TrainOptions {
         budget: Budget::Steps(10),
         downscale: 1,
         format: None,
+        masks: impasto_scene::MaskUse::Ignore,
         seed: 1,
         device: tested(),
         recovery: Recovery::default(),

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DQuat, DVec2, DVec3};
 
-use super::{Capture, Frame, RawPoint};
+use super::{Capture, Frame, RawPoint, names};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::error::SceneError;
 use crate::pose;
@@ -113,7 +113,14 @@ fn photo_folder(model: &Path) -> PathBuf {
         .unwrap_or(beside)
 }
 
+/// The folder that the photos' folder is in.
+pub(crate) fn root(model: &Path) -> Option<PathBuf> {
+    photo_folder(model).parent().map(Path::to_owned)
+}
+
 fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<Frame, SceneError> {
+    let root = photos.parent().unwrap_or(photos);
+    names::check(&image.name, (root, 1), path)?;
     let Some(&intrinsics) = lenses.get(&image.camera) else {
         return Err(SceneError::malformed(
             path,
@@ -151,6 +158,8 @@ fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<F
             camera_to_world: pose::rigid(camera_to_world).map_err(wrong_pose)?,
         },
         split: None,
+        mask: None,
+        measured: false,
     })
 }
 
