@@ -72,18 +72,17 @@ fn names_that_leave_the_capture_are_refused() {
             json["frames"][1]["mask_path"] = json!(name)
         });
         refused(&capture_dir, &["transforms.json"]);
+        // One folder deeper: relative names are below `images`.
+        let name = match name.contains("..") {
+            true => format!("../{name}"),
+            false => name.to_owned(),
+        };
         let files = colmap_txt(
             "7 PINHOLE 60 40 50 51 31 18",
             &full_ring()[..3],
             &points()[..2],
         );
-        let files = files.map(|(f, text)| {
-            (
-                f,
-                text.replace("view 01.png", &format!("../{name}"))
-                    .into_bytes(),
-            )
-        });
+        let files = files.map(|(f, text)| (f, text.replace("view 01.png", &name).into_bytes()));
         let other = dir.path().join("colmap");
         write_colmap(&other, &files, 3);
         refused(&other, &["images.txt"]);
