@@ -3,10 +3,12 @@
 
 use std::sync::LazyLock;
 
-use impasto_fuzz::{Capture, Kind};
+use impasto_fuzz::scene::Target;
+use impasto_fuzz::scratch;
 use libfuzzer_sys::fuzz_target;
 
-static CAPTURE: LazyLock<Capture> =
-    LazyLock::new(|| Capture::new(Kind::ColmapBin, "sparse/0/images.bin"));
+static TARGET: LazyLock<Target> = LazyLock::new(|| Target::named("colmap_images_bin", &scratch()));
 
-fuzz_target!(|bytes: &[u8]| CAPTURE.load_with(bytes));
+fuzz_target!(|bytes: &[u8]| {
+    TARGET.run(bytes);
+});

@@ -1,18 +1,14 @@
-//! A matrix of a NeRF++ capture: the first byte decides whether it is a pose or intrinsics.
+//! A pose or intrinsics of a NeRF++ capture.
 #![no_main]
 
 use std::sync::LazyLock;
 
-use impasto_fuzz::{Capture, Kind};
+use impasto_fuzz::scene::Target;
+use impasto_fuzz::scratch;
 use libfuzzer_sys::fuzz_target;
 
-static CAPTURES: LazyLock<[Capture; 2]> = LazyLock::new(|| {
-    ["train/pose/1.txt", "train/intrinsics/1.txt"]
-        .map(|file| Capture::new(Kind::NerfPlusPlus, file))
-});
+static TARGET: LazyLock<Target> = LazyLock::new(|| Target::named("nerf_plus_plus", &scratch()));
 
 fuzz_target!(|bytes: &[u8]| {
-    if let Some((which, text)) = bytes.split_first() {
-        CAPTURES[usize::from(which % 2)].load_with(text);
-    }
+    TARGET.run(bytes);
 });

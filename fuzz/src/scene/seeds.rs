@@ -1,16 +1,11 @@
-//! Writes small valid inputs for every target: `seeds FOLDER` fills `FOLDER/TARGET/`.
+//! Small valid inputs.
 
-#[path = "../../../crates/impasto-style/tests/torch_files/mod.rs"]
-mod torch_files;
-
-use std::fs;
 use std::io::Cursor;
-use std::path::Path;
 
 use image::{DynamicImage, ImageFormat};
-use impasto_fuzz::{Kind, files, write_f16};
 use impasto_scene::npy;
-use torch_files::{Saved, stream_form, zip_form};
+
+use super::capture::{Kind, files};
 
 /// Targets whose input is a file of a capture.
 const CAPTURES: [(&str, Kind, &str); 8] = [
@@ -40,48 +35,30 @@ const CAPTURES: [(&str, Kind, &str); 8] = [
     ("llff", Kind::Llff, "poses_bounds.npy"),
 ];
 
-fn main() {
-    let folder = std::env::args_os().nth(1).expect("usage: seeds FOLDER");
-    let folder = Path::new(&folder);
-    let put = |target: &str, name: &str, bytes: &[u8]| {
-        let into = folder.join(target);
-        fs::create_dir_all(&into).expect("the folder is writable");
-        fs::write(into.join(name), bytes).expect("the folder is writable");
-    };
+/// Target, name and bytes of every input.
+pub fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
+    let mut seeds = Vec::new();
     for (target, kind, file) in CAPTURES {
         let found = files(kind).into_iter().find(|(name, _)| name == file);
-        put(target, "whole", &found.expect("a file of the capture").1);
+        seeds.push((target, "whole", found.expect("a file of the capture").1));
     }
-    for (which, file) in [(0, "train/pose/1.txt"), (1, "train/intrinsics/1.txt")] {
-        let all = files(Kind::NerfPlusPlus);
-        let (_, text) = all.iter().find(|(name, _)| name == file).expect("there");
-        put(
-            "nerf_plus_plus",
-            file.split('/').nth(1).expect("a folder"),
-            &[&[which], &text[..]].concat(),
-        );
+    for (which, name) in [(0, "pose"), (1, "intrinsics")] {
+        let file = format!("train/{name}/1.txt");
+        let found = files(Kind::NerfPlusPlus);
+        let found = found.iter().find(|(name, _)| *name == file);
+        let text = &found.expect("a file of the capture").1;
+        seeds.push(("nerf_plus_plus", name, [&[which], &text[..]].concat()));
     }
-    put(
-        "npy",
-        "f4",
-        &npy::encode(&[1.0, -2.5, 3.0, 0.0, 1e9, 7.0], 3, 2),
-    );
-    put("npy", "f8", &files(Kind::Llff)[0].1);
+    let floats = npy::encode(&[1.0, -2.5, 3.0, 0.0, 1e9, 7.0], 3, 2);
+    seeds.push(("npy", "f4", floats));
+    seeds.push(("npy", "f8", files(Kind::Llff).swap_remove(0).1));
     for (name, text) in camera_paths() {
-        put("camera_path", name, text.as_bytes());
+        seeds.push(("camera_path", name, text.into_bytes()));
     }
     for (name, bytes) in pictures() {
-        put("picture", name, &bytes);
+        seeds.push(("picture", name, bytes));
     }
-    let tensors = tensors();
-    put("checkpoint", "zip", &zip_form(&tensors, "archive"));
-    put("checkpoint", "stream", &stream_form(&tensors));
-    let flat: Vec<(&str, &[f32])> = [("mean", 4), ("scale", 4), ("gain", 2)]
-        .map(|(name, length)| (name, &[0.5, 1.0, 2.0, -3.0][..length]))
-        .into();
-    let file = write_f16(&flat).expect("a safetensors file");
-    put("checkpoint", "safetensors", &file);
-    put("tensor_file", "safetensors", &file);
+    seeds
 }
 
 fn camera_paths() -> [(&'static str, String); 3] {
@@ -133,17 +110,4 @@ fn pictures() -> Vec<(&'static str, Vec<u8>)> {
         ("tiff8", encoded(&colour, ImageFormat::Tiff)),
         ("tiff16", encoded(&deep, ImageFormat::Tiff)),
     ]
-}
-
-/// A few tensors of every kind of storage.
-fn tensors() -> Vec<Saved> {
-    let mut tensors = vec![
-        Saved::new("0.weight", &[2, 3], vec![0.5; 6]),
-        Saved::new("0.bias", &[2], vec![1.0, -1.0]),
-        Saved::new("scale", &[], vec![2.0]),
-    ];
-    tensors[0].offset = 2;
-    tensors[1].kind = "HalfStorage";
-    tensors[2].kind = "DoubleStorage";
-    tensors
 }

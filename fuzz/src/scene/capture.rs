@@ -1,15 +1,15 @@
-//! Captures in a folder in memory, of which one file is replaced again and again.
+//! Captures of which one file is replaced again and again.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DMat4, DQuat, DVec3, Vec3Swizzles};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use impasto_scene::{LoadOptions, load};
 
-use crate::{check_message, check_scene};
+use super::checks::{check_message, check_scene};
 
 /// Photos of a capture.
-pub const PHOTOS: usize = 3;
+const PHOTOS: usize = 3;
 /// Width and height of each.
 const SIZE: (u32, u32) = (8, 6);
 
@@ -30,9 +30,9 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// A capture of that kind in memory of which `file` is the fuzzer's.
-    pub fn new(kind: Kind, file: &str) -> Self {
-        let root = scratch().join(file.replace('/', "-"));
+    /// A capture of that kind below `scratch` of which `file` is the fuzzer's.
+    pub fn new(scratch: &Path, kind: Kind, file: &str) -> Self {
+        let root = scratch.join(file.replace('/', "-"));
         for (name, bytes) in files(kind) {
             let path = root.join(name);
             fs::create_dir_all(path.parent().expect("inside the root")).expect("writable");
@@ -43,23 +43,20 @@ impl Capture {
         Self { root, file }
     }
 
-    /// Loads the capture with `bytes` as the fuzzer's file.
-    pub fn load_with(&self, bytes: &[u8]) {
-        fs::write(&self.file, bytes).expect("memory is writable");
+    /// Loads the capture with `bytes` as the fuzzer's file; whether that was accepted.
+    pub fn load_with(&self, bytes: &[u8]) -> bool {
+        fs::write(&self.file, bytes).expect("the scratch folder is writable");
         match load(&self.root, &LoadOptions::default()) {
-            Ok(scene) => check_scene(&scene),
-            Err(error) => check_message(&error),
+            Ok(scene) => {
+                check_scene(&scene);
+                true
+            }
+            Err(error) => {
+                check_message(&error);
+                false
+            }
         }
     }
-}
-
-/// A folder of this process, in memory where the system has one there. `fuzz/run` empties it.
-pub fn scratch() -> PathBuf {
-    let base =
-        std::env::var_os("IMPASTO_FUZZ_SCRATCH").map_or_else(std::env::temp_dir, PathBuf::from);
-    let folder = base.join(format!("impasto-fuzz-{}", std::process::id()));
-    fs::create_dir_all(&folder).expect("the scratch folder is writable");
-    folder
 }
 
 /// Every file of a capture of that kind by name.
@@ -106,7 +103,7 @@ fn poses() -> Vec<DMat4> {
 fn inverse(pose: &DMat4) -> [f64; 7] {
     let inverse = pose.inverse();
     let q = DQuat::from_mat4(&inverse);
-    let t = inverse.w_axis.xyz();
+    let t = inverse.w_axis.truncate();
     [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
 }
 
