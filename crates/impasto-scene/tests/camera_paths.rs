@@ -141,6 +141,12 @@ fn impossible_requests_are_refused() {
         orbit(&[], 5, SIZE),
         Err(PathError::TooFewCameras { .. })
     ));
+    for (frames, size) in [(usize::MAX, SIZE), (5, (u32::MAX, u32::MAX))] {
+        assert!(matches!(
+            orbit(&photos, frames, size),
+            Err(PathError::TooLarge { .. })
+        ));
+    }
     // One camera, or many at one place, still make a film.
     for few in [&photos[..1], &[photos[0]; 3]] {
         let path = orbit(few, 5, SIZE).unwrap();

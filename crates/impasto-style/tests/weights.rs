@@ -74,6 +74,20 @@ fn every_form_reads_back_equal() {
 }
 
 #[test]
+fn a_tensor_of_no_numbers_may_claim_any_other_side() {
+    let huge = 1 << 40;
+    let mut empty = Saved::new("empty", &[huge, huge, 0], Vec::new());
+    empty.strides = Some(vec![0, 0, 1]);
+    for bytes in [
+        zip_form(std::slice::from_ref(&empty), "archive"),
+        stream_form(std::slice::from_ref(&empty)),
+    ] {
+        let floats = opened(&bytes).unwrap().floats("empty", &empty.shape);
+        assert!(floats.unwrap().is_empty());
+    }
+}
+
+#[test]
 fn what_is_asked_for_must_be_there() {
     let mut file = opened(&zip_form(&handful(), "archive")).unwrap();
     let missing = file.floats("second.bias", &[4]).unwrap_err().to_string();

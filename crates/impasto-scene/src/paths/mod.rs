@@ -26,6 +26,18 @@ pub enum PathError {
         /// Width and height asked for.
         size: (u32, u32),
     },
+    /// More frames, or larger ones, than anyone renders.
+    #[error(
+        "a camera path of {frames} frame(s) of {}×{} is too large; the most is {MOST_FRAMES} frames \
+         of {} megapixels",
+        size.0, size.1, MOST_PIXELS / 1_000_000
+    )]
+    TooLarge {
+        /// Frames asked for.
+        frames: usize,
+        /// Width and height asked for.
+        size: (u32, u32),
+    },
     /// Too few cameras to fit a path to.
     #[error("a path needs at least {needed} camera(s) to be fitted to, and there are {given}")]
     TooFewCameras {
@@ -49,10 +61,18 @@ pub enum PathError {
     },
 }
 
-/// Refuses paths without frames or pixels.
+/// Most frames of a path: an hour of film. A file may ask for any number of seconds.
+const MOST_FRAMES: usize = 100_000;
+/// Most pixels of a frame, as of a photo.
+const MOST_PIXELS: u64 = 200_000_000;
+
+/// Refuses paths without frames or pixels, and such with absurdly many.
 fn check_request(frames: usize, size: (u32, u32)) -> Result<(), PathError> {
     if frames == 0 || size.0 == 0 || size.1 == 0 {
         return Err(PathError::Empty { frames, size });
+    }
+    if frames > MOST_FRAMES || u64::from(size.0) * u64::from(size.1) > MOST_PIXELS {
+        return Err(PathError::TooLarge { frames, size });
     }
     Ok(())
 }

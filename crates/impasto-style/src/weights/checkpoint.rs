@@ -129,7 +129,12 @@ impl Checkpoint {
                 stored.shape
             )));
         }
-        let length = shape.iter().product::<u64>() * stored.number.size();
+        // Beside a side of 0 the others may be of any size.
+        let numbers = match shape.contains(&0) {
+            true => 0,
+            false => shape.iter().product::<u64>(),
+        };
+        let length = numbers * stored.number.size();
         let (number, start) = (stored.number, stored.start);
         let bytes = self.source.bytes(start, length);
         let floats = number.decode(&bytes.map_err(|reason| self.fault(reason))?);

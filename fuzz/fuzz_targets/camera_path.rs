@@ -1,0 +1,14 @@
+//! Camera paths of nerfstudio and our own.
+#![no_main]
+
+use std::sync::LazyLock;
+
+use impasto_fuzz::scene::Target;
+use impasto_fuzz::scratch;
+use libfuzzer_sys::fuzz_target;
+
+static TARGET: LazyLock<Target> = LazyLock::new(|| Target::named("camera_path", &scratch()));
+
+fuzz_target!(|bytes: &[u8]| {
+    TARGET.run(bytes);
+});

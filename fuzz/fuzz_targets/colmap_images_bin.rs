@@ -1,0 +1,14 @@
+//! COLMAP's `images.bin` in a capture that is otherwise whole.
+#![no_main]
+
+use std::sync::LazyLock;
+
+use impasto_fuzz::scene::Target;
+use impasto_fuzz::scratch;
+use libfuzzer_sys::fuzz_target;
+
+static TARGET: LazyLock<Target> = LazyLock::new(|| Target::named("colmap_images_bin", &scratch()));
+
+fuzz_target!(|bytes: &[u8]| {
+    TARGET.run(bytes);
+});
