@@ -32,6 +32,10 @@ const MODELS: [(&str, usize); 12] = [
     ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
 ];
 
+/// Farthest coordinate of a point: in a scene whose cameras are a picometre apart, the most that
+/// single precision holds.
+const FARTHEST: f64 = 1e18;
+
 /// An `images` record: world-to-camera pose and the pixels of its features.
 struct Image {
     id: u32,
@@ -179,11 +183,11 @@ fn join_tracks(
     for (number, point) in points.into_iter().enumerate() {
         let position = DVec3::from_array(point.position);
         let place = || format!("point {}", number + 1);
-        if !position.is_finite() {
+        if !position.is_finite() || position.abs().max_element() > FARTHEST {
             return Err(SceneError::malformed(
                 path,
                 place(),
-                "its position is NaN or infinite",
+                "its position is NaN, infinite or too far out to compute with; remove the point",
             ));
         }
         let mut seen_by = Vec::with_capacity(point.track.len());
