@@ -12,17 +12,14 @@ use impasto_fuzz::{scene, write_f16};
 use libfuzzer_sys::fuzz_target;
 use torch_files::{Saved, stream_form, zip_form};
 
-fuzz_target!(
-    init: {
-        write();
-        std::process::exit(0)
-    },
-    |_bytes: &[u8]| {}
-);
+fuzz_target!(init: write(), |_bytes: &[u8]| {});
 
 fn write() {
     let folder = PathBuf::from(std::env::var_os("SEEDS").expect("SEEDS names a folder"));
-    for (target, name, bytes) in scene::seeds().into_iter().chain(weights()) {
+    let seeds = scene::seeds().into_iter().chain(weights());
+    #[cfg(feature = "tensors")]
+    let seeds = seeds.chain(impasto_fuzz::tensors::seeds(&impasto_fuzz::scratch()));
+    for (target, name, bytes) in seeds {
         let into = folder.join(target);
         fs::create_dir_all(&into).expect("the folder is writable");
         fs::write(into.join(name), bytes).expect("the folder is writable");

@@ -1,6 +1,8 @@
 //! What the fuzz targets share.
 
 pub mod scene;
+#[cfg(feature = "tensors")]
+pub mod tensors;
 #[allow(
     dead_code,
     reason = "the sources are another crate's, which uses all of them"

@@ -5,6 +5,10 @@ use glam::{DMat3, DMat4, DVec3};
 /// How far `RᵀR` may be from the identity, in any entry: files round their numbers.
 const TOLERANCE: f64 = 1e-3;
 
+/// Farthest coordinate of a camera. Millimetres from the Earth's middle are below; far above, squares
+/// of distances overflow.
+const FARTHEST: f64 = 1e12;
+
 /// Camera axes x right, y up, z backward (OpenGL, Blender) to x right, y down, z forward.
 pub(crate) fn from_opengl(camera_to_world: DMat4) -> DMat4 {
     camera_to_world * DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0))
@@ -21,6 +25,14 @@ pub(crate) fn rigid(pose: DMat4) -> Result<DMat4, String> {
         return Err(format!(
             "has the last row {:?}, which must be [0, 0, 0, 1]",
             bottom.to_array()
+        ));
+    }
+    let centre = pose.w_axis.truncate();
+    if centre.abs().max_element() > FARTHEST {
+        return Err(format!(
+            "puts the camera at {:e}, {:e}, {:e}, too far out to compute with; move the capture to \
+             the origin",
+            centre.x, centre.y, centre.z
         ));
     }
     let rotation = DMat3::from_mat4(pose);
@@ -75,6 +87,9 @@ mod tests {
         let mut poisoned = DMat4::IDENTITY;
         poisoned.w_axis.x = f64::NAN;
         assert!(rigid(poisoned).unwrap_err().contains("NaN"));
+        let mut far = DMat4::IDENTITY;
+        far.w_axis.y = 2e12;
+        assert!(rigid(far).unwrap_err().contains("too far out"));
         let mut projective = DMat4::IDENTITY;
         projective.x_axis.w = 0.5;
         assert!(rigid(projective).unwrap_err().contains("last row"));

@@ -32,6 +32,10 @@ const MODELS: [(&str, usize); 12] = [
     ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
 ];
 
+/// Farthest coordinate of a point: in a scene whose cameras are a picometre apart, the most that
+/// single precision holds.
+const FARTHEST: f64 = 1e18;
+
 /// An `images` record: world-to-camera pose and the pixels of its features.
 struct Image {
     id: u32,
@@ -126,7 +130,7 @@ fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<F
             path,
             format!("frame {}", image.name),
             format!(
-                "it uses camera {}, which the cameras file does not have; take both files from one model",
+                "it uses camera {}, which the cameras file does not have",
                 image.camera
             ),
         ));
@@ -140,14 +144,11 @@ fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<F
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let translation = DVec3::from_array(image.translation);
     if !rotation.is_finite() || !translation.is_finite() {
-        return Err(wrong_pose(
-            "holds NaN or infinite numbers; compute it again or remove the image".into(),
-        ));
+        return Err(wrong_pose("holds NaN or infinite numbers".into()));
     }
     if (rotation.length() - 1.0).abs() > 1e-3 {
         return Err(wrong_pose(format!(
-            "is not a rotation (its quaternion has length {:.3}, which must be 1); compute it again or \
-             remove the image",
+            "is not a rotation (its quaternion has length {:.3}, which should be 1)",
             rotation.length()
         )));
     }
@@ -182,11 +183,11 @@ fn join_tracks(
     for (number, point) in points.into_iter().enumerate() {
         let position = DVec3::from_array(point.position);
         let place = || format!("point {}", number + 1);
-        if !position.is_finite() {
+        if !position.is_finite() || position.abs().max_element() > FARTHEST {
             return Err(SceneError::malformed(
                 path,
                 place(),
-                "its position is NaN or infinite; remove the point",
+                "its position is NaN, infinite or too far out to compute with; remove the point",
             ));
         }
         let mut seen_by = Vec::with_capacity(point.track.len());
@@ -196,7 +197,7 @@ fn join_tracks(
             };
             let Some(&pixel) = images[frame].features.get(feature as usize) else {
                 let problem = format!(
-                    "it refers to feature {feature} of {}, which has none such; take both files from one model",
+                    "it refers to feature {feature} of {}, which has none such",
                     images[frame].name
                 );
                 return Err(SceneError::malformed(path, place(), problem));
@@ -235,10 +236,7 @@ fn lens(
             (fx, fy, cx, cy, Distortion { k1, k2, p1, p2 })
         }
         ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV", _) => {
-            let problem = format!(
-                "{} parameters do not fit the lens model {model}; export the model again",
-                p.len()
-            );
+            let problem = format!("{} parameters do not fit the lens model {model}", p.len());
             return Err(SceneError::malformed(path, place, problem));
         }
         _ => {
