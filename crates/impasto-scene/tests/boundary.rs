@@ -65,11 +65,11 @@ fn names_that_leave_the_capture_are_refused() {
         fs::create_dir(&capture_dir).unwrap();
         picture(60, 40).save(dir.path().join("x.png")).unwrap();
         capture(&capture_dir, |json| {
-            json["frames"][1]["file_path"] = json!(name)
+            json["frames"][1]["file_path"] = json!(name);
         });
         refused(&capture_dir, &["transforms.json"]);
         capture(&capture_dir, |json| {
-            json["frames"][1]["mask_path"] = json!(name)
+            json["frames"][1]["mask_path"] = json!(name);
         });
         refused(&capture_dir, &["transforms.json"]);
         // One folder deeper: relative names are below `images`.
@@ -121,7 +121,7 @@ fn one_photo_twice_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["images/a.png", "./images/a", "images/../images/a.png"] {
         capture(dir.path(), |json| {
-            json["frames"][2]["file_path"] = json!(name)
+            json["frames"][2]["file_path"] = json!(name);
         });
         refused(dir.path(), &["images/a.png", "same photo", "keep one"]);
     }
@@ -251,7 +251,7 @@ fn masks_are_found_by_name() {
     }
     let dir = tempfile::tempdir().unwrap();
     capture(dir.path(), |json| {
-        json["frames"][2]["mask_path"] = json!("other/hide.png")
+        json["frames"][2]["mask_path"] = json!("other/hide.png");
     });
     refused(
         dir.path(),
