@@ -6,6 +6,10 @@
 // Pipes, devices and links are among the inputs.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+#![allow(
+    clippy::semicolon_if_nothing_returned,
+    reason = "what spoils an input is one expression"
+)]
 
 #[path = "bad_inputs/arguments.rs"]
 mod arguments;

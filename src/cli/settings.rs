@@ -43,17 +43,31 @@ fn read(path: &Path) -> Result<Value, CliError> {
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("json"));
     let value = if json {
-        serde_json::from_str(&text).map_err(|e| e.to_string())
+        serde_json::from_str(&text)
+            .map_err(|e| format!("line {}: not valid JSON ({})", e.line(), without_place(&e)))
     } else {
-        toml::from_str(&text).map_err(|e| e.to_string())
+        toml::from_str(&text).map_err(|e| {
+            let before = e.span().and_then(|span| text.get(..span.start));
+            let line = 1 + before.unwrap_or_default().matches('\n').count();
+            format!("line {line}: not valid TOML ({})", e.message())
+        })
     };
     match value {
         Ok(value @ Value::Object(_)) => Ok(value),
         Ok(_) => Err(CliError::Refused(format!(
-            "{}: not a table of settings",
+            "{}: not a table of settings; write {{\"KEY\": VALUE}}",
             path.display()
         ))),
-        Err(problem) => Err(CliError::Refused(format!("{}: {problem}", path.display()))),
+        Err(problem) => Err(CliError::Refused(format!("{}, {problem}", path.display()))),
+    }
+}
+
+/// serde's message without the position in a text that the user has not seen.
+fn without_place(error: &serde_json::Error) -> String {
+    let message = error.to_string();
+    match message.rfind(" at line ") {
+        Some(end) => message[..end].to_owned(),
+        None => message,
     }
 }
 
@@ -111,7 +125,7 @@ impl Settings {
         }
         // From text, because numbers are then read as the fields' own types.
         self.checked = serde_json::from_str(&value.to_string())
-            .map_err(|e| format!("\"{key}\" cannot be that ({e})"))?;
+            .map_err(|e| format!("\"{key}\" cannot be that ({})", without_place(&e)))?;
         self.value = value;
         Ok(())
     }

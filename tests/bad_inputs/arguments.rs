@@ -77,7 +77,7 @@ fn settings() -> Vec<Case> {
             "a setting out of range",
             "train scene -o new --set geometry_share=7",
             |_| {},
-            &["geometry_share", "7"],
+            &["geometry_share", "0 to 1"],
         ),
         usage(
             "a setting without a value",

@@ -247,14 +247,14 @@ fn transforms_files() -> Vec<Case> {
             &["transforms.json", "z.png", "no frame has it"],
         ),
         bad(
-            "a file of 8 TB",
+            "a file of 5 GB",
             SCENE,
             |f| {
                 fs::File::options()
                     .write(true)
                     .open(f.join("scene/transforms.json"))
                     .unwrap()
-                    .set_len(8 << 40)
+                    .set_len(5 << 30)
                     .unwrap()
             },
             &["transforms.json", "larger than 4096 MiB", "smaller"],

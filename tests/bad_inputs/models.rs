@@ -89,7 +89,7 @@ pub fn cases() -> Vec<Case> {
         ),
         bad(
             "the style stage without a model",
-            "train scene -o new --stage style",
+            "train scene -o new --stage style --set style.patch=[24,24]",
             |_| {},
             &["new", "no model", "impasto train"],
         ),
@@ -101,7 +101,7 @@ pub fn cases() -> Vec<Case> {
         ),
         bad(
             "no encoder file",
-            "train scene -o new --encoder none.safetensors",
+            "train scene -o new --encoder none.safetensors --set style.patch=[24,24]",
             |_| {},
             &["none.safetensors", "no such file", "train-encoder"],
         ),

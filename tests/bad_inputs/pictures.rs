@@ -10,7 +10,7 @@ use super::{Case, bad};
 
 const SCENE: &str = "train scene -o new";
 const PHOTO: &str = "scene/images/0003.png";
-const TRAIN_STYLES: &str = "train scene -o new --styles styles";
+const TRAIN_STYLES: &str = "train scene -o new --styles styles --set style.patch=[24,24]";
 const RENDER: &str = "render model -o new --style styles/red.png";
 
 /// The start of a PNG of 60000×60000 pixels, header and checksum as they should be.
@@ -183,7 +183,7 @@ pub fn paintings() -> Vec<Case> {
         ),
         bad(
             "no folder of paintings",
-            "train scene -o new --styles none",
+            "train scene -o new --styles none --set style.patch=[24,24]",
             |_| {},
             &["style folder none", "no such"],
         ),
@@ -201,19 +201,19 @@ pub fn paintings() -> Vec<Case> {
         ),
         bad(
             "a file instead of a folder of paintings",
-            "train scene -o new --styles styles/red.png",
+            "train scene -o new --styles styles/red.png --set style.patch=[24,24]",
             |_| {},
             &["style folder styles/red.png", "folder"],
         ),
         bad(
             "a folder of paintings that links to itself",
-            "train scene -o new --styles loop",
+            "train scene -o new --styles loop --set style.patch=[24,24]",
             |f| link(f, "loop", "loop"),
             &["style folder loop", "links"],
         ),
         bad(
             "a folder with nothing but a loop of links",
-            "train scene -o new --styles styles",
+            "train scene -o new --styles styles --set style.patch=[24,24]",
             |f| {
                 fs::remove_file(f.join("styles/red.png")).unwrap();
                 link(f, "styles/up", "../styles");

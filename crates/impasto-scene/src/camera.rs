@@ -112,7 +112,9 @@ impl Intrinsics {
         }
         for focal in [self.fl_x, self.fl_y] {
             if !(focal.is_finite() && focal > 0.0) {
-                return Err(format!("the focal length must be positive, not {focal}"));
+                return Err(format!(
+                    "the focal length must be positive, not {focal}; state it in pixels"
+                ));
             }
         }
         let (width, height) = (f64::from(self.width), f64::from(self.height));

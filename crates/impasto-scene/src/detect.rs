@@ -201,7 +201,7 @@ fn what_is_there(path: &Path, format: Option<Format>) -> Result<String, SceneErr
     Ok(if names.is_empty() {
         "the folder is empty".into()
     } else if names.iter().any(photos) || names.iter().any(|n| n == "images") {
-        "there are photos but no camera poses; compute them with COLMAP first".into()
+        "there are photos but no camera poses; `impasto prepare` computes them".into()
     } else {
         "no capture found in this folder".into()
     })

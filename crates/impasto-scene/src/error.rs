@@ -151,7 +151,8 @@ pub enum SceneError {
         camera: (u32, u32),
     },
     /// Too few photos to learn from and check against.
-    #[error("{}: the capture has {count} posed photo(s); at least 2 are needed", path.display())]
+    #[error("{}: the capture has {count} posed photo(s); at least 2 are needed, add \
+         photos or compute the poses of more", path.display())]
     TooFewPhotos {
         /// The capture.
         path: PathBuf,
@@ -209,6 +210,10 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
 pub(crate) fn read_text(path: &Path) -> Result<String, SceneError> {
     String::from_utf8(read_bytes(path)?).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
-        SceneError::malformed(path, format!("byte {at}"), "this is not text (not UTF-8)")
+        SceneError::malformed(
+            path,
+            format!("byte {at}"),
+            "this is not text (not UTF-8); export it again",
+        )
     })
 }

@@ -72,6 +72,7 @@ pub fn plainly(error: &io::Error) -> String {
     match error.kind() {
         io::ErrorKind::NotFound => "there is no such file; check the path".into(),
         io::ErrorKind::PermissionDenied => "permission denied; allow this user to read it".into(),
+        io::ErrorKind::NotADirectory => "it is not a folder".into(),
         _ => {
             let said = error.to_string();
             match said.find(" (os error ") {

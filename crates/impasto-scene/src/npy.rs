@@ -26,7 +26,7 @@ pub fn decode(bytes: &[u8]) -> Result<(Vec<usize>, Vec<f64>), String> {
     let cut = || "the file is cut off".to_owned();
     let rest = bytes
         .strip_prefix(b"\x93NUMPY")
-        .ok_or("this is no NumPy file")?;
+        .ok_or("this is no NumPy file; save it with numpy.save")?;
     let (start, length): (usize, usize) = match rest {
         [1, _, a, b, ..] => (4, usize::from(u16::from_le_bytes([*a, *b]))),
         [2 | 3, _, a, b, c, d, ..] => (6, u32::from_le_bytes([*a, *b, *c, *d]) as usize),

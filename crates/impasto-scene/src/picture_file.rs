@@ -1,11 +1,11 @@
 //! Picture files as pixels: every photo, painting and mask is read here.
 
-use std::io::Cursor;
+use std::io::{Cursor, ErrorKind};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits, RgbImage};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits, RgbImage};
 
 use crate::error::SceneError;
 use crate::file::read_whole;
@@ -116,7 +116,8 @@ fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + '_, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| e.to_string())?;
-    if reader.format().is_none() {
+    use ImageFormat::{Gif, Jpeg, Png, Tiff, WebP};
+    if !matches!(reader.format(), Some(Jpeg | Png | WebP | Tiff | Gif)) {
         return Err(unknown_content(bytes));
     }
     let mut limits = Limits::no_limits();
@@ -154,6 +155,9 @@ fn unknown_content(bytes: &[u8]) -> String {
 
 fn problem(error: &ImageError) -> String {
     match error {
+        ImageError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof => {
+            "the file is cut off".into()
+        }
         ImageError::Limits(_) => "it needs far more memory than its pixels do".into(),
         other => other.to_string(),
     }
@@ -209,7 +213,7 @@ pub(crate) fn faded(channel: u8, alpha: u8) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use image::{ImageFormat, Rgb, Rgba, RgbaImage};
+    use image::{Rgb, Rgba, RgbaImage};
 
     use super::*;
 

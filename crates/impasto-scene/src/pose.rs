@@ -18,12 +18,12 @@ pub(crate) fn from_opengl(camera_to_world: DMat4) -> DMat4 {
 /// that begins with "pose of frame …".
 pub(crate) fn rigid(pose: DMat4) -> Result<DMat4, String> {
     if !pose.is_finite() {
-        return Err("holds NaN or infinite numbers".into());
+        return Err("holds NaN or infinite numbers; compute it again or remove the frame".into());
     }
     let bottom = pose.row(3);
     if bottom.truncate().abs().max_element() > 1e-6 || (bottom.w - 1.0).abs() > 1e-6 {
         return Err(format!(
-            "has the last row {:?}, which should be [0, 0, 0, 1]",
+            "has the last row {:?}, which must be [0, 0, 0, 1]",
             bottom.to_array()
         ));
     }
@@ -45,7 +45,7 @@ pub(crate) fn rigid(pose: DMat4) -> Result<DMat4, String> {
     if off > TOLERANCE || determinant < 0.0 {
         return Err(format!(
             "is not a rotation (determinant {determinant:.3}, axes off by {off:.3}); scaled, \
-             skewed or mirrored poses cannot be used"
+             skewed or mirrored poses cannot be used, export rigid ones"
         ));
     }
     let mut rigid = DMat4::from_mat3(nearest_rotation(rotation));

@@ -65,25 +65,24 @@ fn names_that_leave_the_capture_are_refused() {
         fs::create_dir(&capture_dir).unwrap();
         picture(60, 40).save(dir.path().join("x.png")).unwrap();
         capture(&capture_dir, |json| {
-            json["frames"][1]["file_path"] = json!(name)
+            json["frames"][1]["file_path"] = json!(name);
         });
         refused(&capture_dir, &["transforms.json"]);
         capture(&capture_dir, |json| {
-            json["frames"][1]["mask_path"] = json!(name)
+            json["frames"][1]["mask_path"] = json!(name);
         });
         refused(&capture_dir, &["transforms.json"]);
+        // One folder deeper: relative names are below `images`.
+        let name = match name.contains("..") {
+            true => format!("../{name}"),
+            false => name.to_owned(),
+        };
         let files = colmap_txt(
             "7 PINHOLE 60 40 50 51 31 18",
             &full_ring()[..3],
             &points()[..2],
         );
-        let files = files.map(|(f, text)| {
-            (
-                f,
-                text.replace("view 01.png", &format!("../{name}"))
-                    .into_bytes(),
-            )
-        });
+        let files = files.map(|(f, text)| (f, text.replace("view 01.png", &name).into_bytes()));
         let other = dir.path().join("colmap");
         write_colmap(&other, &files, 3);
         refused(&other, &["images.txt"]);
@@ -122,7 +121,7 @@ fn one_photo_twice_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["images/a.png", "./images/a", "images/../images/a.png"] {
         capture(dir.path(), |json| {
-            json["frames"][2]["file_path"] = json!(name)
+            json["frames"][2]["file_path"] = json!(name);
         });
         refused(dir.path(), &["images/a.png", "same photo", "keep one"]);
     }
@@ -252,7 +251,7 @@ fn masks_are_found_by_name() {
     }
     let dir = tempfile::tempdir().unwrap();
     capture(dir.path(), |json| {
-        json["frames"][2]["mask_path"] = json!("other/hide.png")
+        json["frames"][2]["mask_path"] = json!("other/hide.png");
     });
     refused(
         dir.path(),

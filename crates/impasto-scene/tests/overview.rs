@@ -23,6 +23,7 @@ fn scene() -> Scene {
             camera,
             split: Split::by_index(index),
             pixels: RgbImage::new(60, 40),
+            mask: None,
         }
     };
     Scene {

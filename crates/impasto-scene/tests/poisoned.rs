@@ -40,7 +40,7 @@ fn nothing_there() {
     picture(4, 4).save(dir.path().join("a.png")).unwrap();
     assert_says(
         &refusal(dir.path()),
-        &["photos but no camera poses", "compute them with COLMAP"],
+        &["photos but no camera poses", "impasto prepare"],
     );
     assert_says(
         &refusal(&dir.path().join("a.png")),

@@ -19,7 +19,7 @@ impl<'a> TensorFile<'a> {
     pub fn open(name: &'a str, bytes: &'a [u8]) -> Result<Self, StyleError> {
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| StyleError::Weights {
             file: name.to_owned(),
-            reason: format!("is not a whole safetensors file ({e})"),
+            reason: format!("is not a whole safetensors file ({e}); copy it again"),
         })?;
         Ok(Self { name, tensors })
     }

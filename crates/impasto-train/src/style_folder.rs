@@ -3,6 +3,7 @@
 use crate::TrainError;
 use crate::hash::Hash;
 use image::RgbImage;
+use impasto_scene::file::plainly;
 use impasto_scene::{SceneError, read_rgb};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ impl StyleFile {
     pub(crate) fn read(&self) -> Result<RgbImage, String> {
         read_rgb(&self.path).map_err(|error| match error {
             SceneError::Photo { problem, .. } => problem,
-            SceneError::Io { source, .. } => source.to_string(),
+            SceneError::Io { source, .. } => plainly(&source),
             other => other.to_string(),
         })
     }
@@ -69,7 +70,7 @@ impl StyleFolder {
                     }
                 }
                 Err(error) if is_root => return Err(error),
-                Err(error) => folder.unreadable.push((dir, error.to_string())),
+                Err(error) => folder.unreadable.push((dir, plainly(&error))),
             }
             is_root = false;
         }
@@ -105,7 +106,7 @@ impl StyleFolder {
             }
             // Sockets and pipes.
             Ok(_) => {}
-            Err(error) => self.unreadable.push((path, error.to_string())),
+            Err(error) => self.unreadable.push((path, plainly(&error))),
         }
     }
 
@@ -125,7 +126,8 @@ impl StyleFolder {
             path: path.to_owned(),
             reason,
         };
-        let folder = Self::walk(path).map_err(|e| fault(format!("cannot be read ({e})")))?;
+        let folder =
+            Self::walk(path).map_err(|e| fault(format!("cannot be read ({})", plainly(&e))))?;
         let mut first = None;
         for file in &folder.files {
             match file.read() {
@@ -135,7 +137,7 @@ impl StyleFolder {
         }
         Err(fault(
             match first.or_else(|| folder.unreadable.first().cloned()) {
-                None => "is empty; put JPEG or PNG paintings there".into(),
+                None => "is empty; put paintings there (JPEG, PNG, WebP, TIFF or GIF)".into(),
                 Some((path, reason)) => format!(
                     "holds no readable painting; {}, for one: {reason}",
                     path.display()

@@ -58,7 +58,7 @@ impl Training {
 
 /// Threads that train.
 pub fn threads() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
+    impasto_bench::Machine::this().threads
 }
 
 /// What does not fit this machine, or training at all.

@@ -25,7 +25,9 @@ pub(crate) fn read(root: &Path) -> Result<Capture, SceneError> {
     let (shape, numbers) = npy::decode(&read_bytes(&path)?)
         .map_err(|problem| SceneError::malformed(&path, "header", problem))?;
     if shape.len() != 2 || shape[1] != ROW {
-        let problem = format!("the array is {shape:?}, poses are views × {ROW}");
+        let problem = format!(
+            "the array is {shape:?}, poses are views × {ROW}; make the file again with LLFF's tools"
+        );
         return Err(SceneError::malformed(&path, "header", problem));
     }
     let folder = FOLDERS.into_iter().find(|name| root.join(name).is_dir());

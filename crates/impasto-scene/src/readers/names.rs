@@ -38,7 +38,7 @@ pub(super) fn check(
     }
     let leads_out = if is_absolute(name) {
         let absolute = |path: &Path| std::path::absolute(path).map(|path| plain_path(&path));
-        match (absolute(root), absolute(Path::new(name))) {
+        match (absolute(&root.join(".")), absolute(Path::new(name))) {
             (Ok(root), Ok(photo)) => !photo.starts_with(root),
             _ => true,
         }

@@ -122,12 +122,19 @@ fn matrix(path: &Path) -> Result<DMat4, SceneError> {
         .map(|(i, word)| {
             word.parse().map_err(|_| {
                 let place = format!("number {}", i + 1);
-                SceneError::malformed(path, place, format!("\"{word}\" is no number"))
+                SceneError::malformed(
+                    path,
+                    place,
+                    format!("\"{word}\" is no number; write the 16 numbers of a matrix"),
+                )
             })
         })
         .collect::<Result<_, _>>()?;
     let rows: &[f64; 16] = numbers.as_slice().try_into().map_err(|_| {
-        let problem = format!("there are {} numbers, a 4×4 matrix has 16", numbers.len());
+        let problem = format!(
+            "there are {} numbers, a 4×4 matrix has 16; export it again",
+            numbers.len()
+        );
         SceneError::malformed(path, "whole file", problem)
     })?;
     Ok(DMat4::from_cols_array(rows).transpose())
@@ -143,7 +150,7 @@ fn lens(path: &Path, size: Option<(u32, u32)>) -> Result<Intrinsics, SceneError>
     let skew = k.y_axis.x.abs();
     if skew > 1e-3 * k.x_axis.x.abs() {
         return Err(refuse(format!(
-            "pixels are skewed by {skew}; only upright pixels can be used"
+            "pixels are skewed by {skew}; undistort the photos first"
         )));
     }
     let intrinsics = Intrinsics {

@@ -79,14 +79,14 @@ pub(crate) fn read(files: &[(PathBuf, Option<Split>)]) -> Result<Capture, SceneE
             SceneError::malformed(
                 path,
                 place,
-                format!("not a transforms file ({})", reason(&e)),
+                format!("not a transforms file ({}); export it again", reason(&e)),
             )
         })?;
         if file.frames.is_empty() {
             return Err(SceneError::malformed(
                 path,
                 "\"frames\"",
-                "the list of frames is empty",
+                "the list of frames is empty; export it again with its photos",
             ));
         }
         synthetic |= file.synthetic;
@@ -139,7 +139,7 @@ impl<'a> NamedSplits<'a> {
             file.frames.iter().map(|f| plain(&f.file_path)).collect();
         for name in train.iter().chain(test) {
             if !known.contains(plain(name)) {
-                let problem = "the split lists this photo but no frame has it";
+                let problem = "the split lists this photo but no frame has it; add the frame or take it off the list";
                 return Err(SceneError::malformed(
                     path,
                     format!("frame {name}"),
@@ -175,7 +175,7 @@ fn frame(
     let matrix = matrix(&entry.transform_matrix).ok_or_else(|| SceneError::Pose {
         path: path.to_owned(),
         frame: name.clone(),
-        problem: "is not a 4×4 or 3×4 matrix".into(),
+        problem: "is not a 4×4 or 3×4 matrix; write it as rows of four numbers".into(),
     })?;
     check_model(&entry.lens, global, path, &format!("frame {name}"))?;
     let measured = stated_size(&entry.lens, global).is_none();

@@ -164,7 +164,10 @@ fn tensors(source: &mut Source) -> Result<(Form, BTreeMap<String, Stored>), Stri
     } else if head.get(257..262) == Some(b"ustar") {
         Err("is a PyTorch checkpoint of before 2017 (tar); load and save it with PyTorch".into())
     } else {
-        Err("is neither a PyTorch checkpoint (.pth) nor a safetensors file".into())
+        Err(
+            "is neither a PyTorch checkpoint (.pth) nor a safetensors file; download it again"
+                .into(),
+        )
     }
 }
 

@@ -27,7 +27,7 @@ impl<'a> Bytes<'a> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], SceneError> {
         let Some((head, _)) = self.data[self.at..].split_first_chunk::<N>() else {
             return Err(self.error(format!(
-                "the file ends here, {} bytes short",
+                "the file ends here, {} bytes short; it is cut off, copy it again",
                 N - self.remaining()
             )));
         };
@@ -71,7 +71,7 @@ impl<'a> Bytes<'a> {
                 self.at = start;
                 Err(self.error(format!(
                     "{count} {what} are announced but the file has room for {room} at most; it is \
-                     cut off or damaged"
+                     cut off or damaged, copy it again"
                 )))
             }
         }
@@ -81,7 +81,9 @@ impl<'a> Bytes<'a> {
     pub(super) fn name(&mut self) -> Result<String, SceneError> {
         let rest = &self.data[self.at..];
         let Some(length) = rest.iter().position(|&b| b == 0) else {
-            return Err(self.error("the file ends inside an image's name"));
+            return Err(
+                self.error("the file ends inside an image's name; it is cut off, copy it again")
+            );
         };
         let name = std::str::from_utf8(&rest[..length])
             .map_err(|_| self.error("an image's name is not UTF-8"))?
@@ -95,7 +97,7 @@ impl<'a> Bytes<'a> {
         match self.remaining() {
             0 => Ok(()),
             extra => Err(self.error(format!(
-                "{extra} bytes follow the last record; the file is damaged"
+                "{extra} bytes follow the last record; the file is damaged, copy it again"
             ))),
         }
     }

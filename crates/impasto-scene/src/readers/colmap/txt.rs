@@ -34,7 +34,7 @@ impl<'a> Fields<'a> {
             return Err(SceneError::malformed(
                 self.path,
                 self.place(),
-                format!("the {what} is missing"),
+                format!("the {what} is missing; export the model again"),
             ));
         }
         let (word, rest) = self
@@ -51,7 +51,7 @@ impl<'a> Fields<'a> {
             SceneError::malformed(
                 self.path,
                 self.place(),
-                format!("\"{word}\" is not a valid {what}"),
+                format!("\"{word}\" is not a valid {what}; export the model again"),
             )
         })
     }

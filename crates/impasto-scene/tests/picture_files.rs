@@ -235,11 +235,9 @@ fn pictures_that_claim_to_be_huge_cost_nothing() {
         .write_to(&mut Cursor::new(&mut tiff), ImageFormat::Tiff)
         .unwrap();
     let sides = [0x100u16, 0x101].map(|tag| {
-        let entry = tiff
-            .windows(2)
-            .position(|w| w == tag.to_le_bytes())
-            .unwrap();
-        entry + 8
+        // A directory entry: tag, type (16 or 32 bits), one value, the value.
+        let entry = [&tag.to_le_bytes()[..], &[4, 0, 1, 0, 0, 0]].concat();
+        tiff.windows(8).position(|w| w == entry).unwrap() + 8
     });
     for side in sides {
         tiff[side..side + 2].copy_from_slice(&60_000u16.to_le_bytes());
