@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use scene::Target;
 
 /// Changed inputs of every seed.
-const CHANGED: u64 = 400;
+const CHANGED: u64 = 150;
 /// Most bytes of one allocation: what a decoder may take beside the pixels, and a megapixel of 16-bit
 /// RGBA. Inputs have a few kilobytes.
 const MOST_AT_ONCE: usize = (64 << 20) + (8 << 20);
