@@ -67,18 +67,23 @@ pub(crate) fn plan(matching: Matching, names: &[String], video: bool) -> Plan {
 /// Whether names look as if photos had been taken one after the other: numbers that mostly go up by
 /// little. (Without leading zeros, 10 comes before 2, for COLMAP too: that is no order.)
 fn are_in_order(names: &[String]) -> bool {
+    let mut widths = names.iter().filter_map(|name| Some(numbered(name)?.2));
+    let first = widths.next();
+    if widths.any(|width| Some(width) != first) {
+        return false;
+    }
     let steps = names
         .windows(2)
         .filter(|pair| match (numbered(&pair[0]), numbered(&pair[1])) {
-            (Some((a, i)), Some((b, j))) => a == b && (1..=3).contains(&j.saturating_sub(i)),
+            (Some((a, i, _)), Some((b, j, _))) => a == b && (1..=3).contains(&j.saturating_sub(i)),
             _ => false,
         });
     // Some photos are thrown away, and counters begin anew.
     10 * steps.count() >= 8 * names.len().saturating_sub(1)
 }
 
-/// A name's beginning and the last number in it.
-fn numbered(name: &str) -> Option<(&str, u64)> {
+/// A name's beginning, the last number in it, and how many digits that has.
+fn numbered(name: &str) -> Option<(&str, u64, usize)> {
     let end = name.rfind(|c: char| c.is_ascii_digit())? + 1;
     let digits = name[..end]
         .bytes()
@@ -86,7 +91,7 @@ fn numbered(name: &str) -> Option<(&str, u64)> {
         .take_while(u8::is_ascii_digit)
         .count();
     let start = end - digits;
-    Some((&name[..start], name[start..end].parse().ok()?))
+    Some((&name[..start], name[start..end].parse().ok()?, digits))
 }
 
 #[cfg(test)]

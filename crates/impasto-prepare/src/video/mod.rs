@@ -207,7 +207,8 @@ mod tests {
 
     #[test]
     fn each_part_gives_its_sharpest() {
-        assert_eq!(sharpest(&[1.0, 3.0, 2.0, 0.5, 0.5, 0.1], 3), [1, 2, 3]);
+        assert_eq!(sharpest(&[1.0, 3.0, 2.0, 0.5, 0.5, 0.1], 3), [1, 2, 4]);
+        assert_eq!(sharpest(&[0.5, 0.5], 1), [0]);
         assert_eq!(sharpest(&[1.0, 2.0], 5).len(), 2);
         assert!(sharpest(&[], 4).is_empty());
     }
