@@ -289,7 +289,7 @@ pub(crate) mod tests {
             used,
         };
         let shown: Vec<u32> = (0..48).filter(|i| i % 3 != 1).collect();
-        let masked = [photo(Some(shown.clone())), photo(Some(vec![7]))];
+        let masked = [photo(Some(shown.clone())), photo(Some(vec![8]))];
         let mut rng = Pcg64::seed_from_u64(1);
         let drawn = draw(&masked, &[], (2000, 0), &mut rng);
         let mut pixels: Vec<u32> = drawn.colours.chunks(3).map(|c| c[0] as u32).collect();
