@@ -28,6 +28,8 @@ fn write() {
 
 fn weights() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let tensors = tensors();
+    let mut empty = Saved::new("empty", &[1 << 40, 1 << 40, 0], Vec::new());
+    empty.strides = Some(vec![0, 0, 1]);
     let flat: [(&str, &[f32]); 3] = [
         ("mean", &[0.5, 1.0, 2.0, -3.0]),
         ("scale", &[0.5, 1.0, 2.0, 4.0]),
@@ -37,6 +39,7 @@ fn weights() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     vec![
         ("checkpoint", "zip", zip_form(&tensors, "archive")),
         ("checkpoint", "stream", stream_form(&tensors)),
+        ("checkpoint", "empty", zip_form(&[empty], "archive")),
         ("checkpoint", "safetensors", file.clone()),
         ("tensor_file", "safetensors", file),
     ]

@@ -183,12 +183,12 @@ fn join_tracks(
     for (number, point) in points.into_iter().enumerate() {
         let position = DVec3::from_array(point.position);
         let place = || format!("point {}", number + 1);
-        if !position.is_finite() || position.abs().max_element() > FARTHEST {
-            return Err(SceneError::malformed(
-                path,
-                place(),
-                "its position is NaN, infinite or too far out to compute with; remove the point",
-            ));
+        let refuse = |problem: &str| Err(SceneError::malformed(path, place(), problem));
+        if !position.is_finite() {
+            return refuse("its position is NaN or infinite; remove the point");
+        }
+        if position.abs().max_element() > FARTHEST {
+            return refuse("its position is too far out to compute with; remove the point");
         }
         let mut seen_by = Vec::with_capacity(point.track.len());
         for (image, feature) in point.track {
