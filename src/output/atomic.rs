@@ -132,7 +132,8 @@ mod tests {
 
     #[test]
     fn a_folder_that_is_not_there_is_named() {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = tempfile::Builder::new().prefix("frames-").tempdir();
+        let folder = folder.unwrap();
         let path = folder.path().join("none/0000.png");
         let problem = put(&path, b"").unwrap_err().to_string();
         assert!(problem.contains("0000.png"), "{problem}");

@@ -9,6 +9,7 @@ use impasto_scene::{Photo, Scene};
 use impasto_style::StyleVae;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::borrow::Cow;
 
 /// Everything that decides what a run makes, but its length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,17 +28,24 @@ pub struct Identity {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct PhotoMark {
     name: String,
-    /// Of its camera, split, pixels and mask.
+    /// Of its camera, split, mask, and the pixels that the mask shows.
     hash: u64,
 }
 
 impl PhotoMark {
     fn of(photo: &Photo) -> Self {
         let camera = serde_json::to_string(&photo.camera).unwrap_or_default();
-        let shown = photo.mask.iter().flatten().map(|shown| u8::from(*shown));
+        let mask = photo.mask.iter().flatten();
+        let mask: Vec<u8> = mask.map(|shown| u8::from(*shown)).collect();
+        let mut pixels = Cow::Borrowed(photo.pixels.as_raw());
+        if !mask.is_empty() {
+            let hidden = pixels.to_mut().chunks_exact_mut(3).zip(&mask);
+            let hidden = hidden.filter(|(_, shown)| **shown == 0);
+            hidden.for_each(|(pixel, _)| pixel.fill(0));
+        }
         let hash = Hash::of(&photo.name)
-            .with_words(photo.pixels.as_raw())
-            .with_words(&shown.collect::<Vec<u8>>())
+            .with_words(&pixels)
+            .with_words(&mask)
             .and(&camera)
             .and(&format!("{:?}", photo.split));
         Self {
