@@ -210,6 +210,7 @@ fn many_processes_leave_what_one_does() {
     shards_make_the_single_run(folder);
     a_killed_task_goes_on(folder);
     other_jobs_are_refused(folder);
+    the_command_line_for_kubernetes_takes_its_index(folder);
     a_batch_does_what_is_missing(folder);
     a_batch_trains_before_it_renders(folder);
 }
@@ -328,6 +329,35 @@ fn other_jobs_are_refused(folder: &Path) {
     );
     refuse(&format!("{SHARED} -o shared"), &["shared", "shards"]);
     assert_same(&folder.join("shared"), &folder.join("single"));
+}
+
+/// As docs/cluster.md gives it to a shell.
+fn the_command_line_for_kubernetes_takes_its_index(folder: &Path) {
+    let page = include_str!("../docs/cluster.md");
+    let mut lines = page.lines().map(|line| line.trim_start_matches([' ', '-']));
+    let line = lines
+        .find(|line| line.starts_with("exec impasto "))
+        .unwrap();
+    let painting = image::open(folder.join("paintings/red.png")).unwrap();
+    painting.save(folder.join("starry.jpg")).unwrap();
+    let program = Path::new(env!("CARGO_BIN_EXE_impasto")).parent().unwrap();
+    let output = Command::new("/bin/sh")
+        .args(["-c", line])
+        .current_dir(folder)
+        .env("PATH", program)
+        .env("JOB_COMPLETION_INDEX", "31")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let frames: Vec<String> = contents(&folder.join("walk")).into_keys().collect();
+    let wanted = (31..600).step_by(32);
+    assert!(
+        frames
+            .iter()
+            .cloned()
+            .eq(wanted.map(|frame| format!("{frame:04}.png"))),
+        "{frames:?}"
+    );
 }
 
 const BATCH: &str = "
