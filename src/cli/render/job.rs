@@ -53,7 +53,7 @@ impl KnownModel {
     }
 
     /// The text of `cameras.json`, and what distinguishes a job that makes it from others. `styles`
-    /// are [distinguished](distinguished) already.
+    /// are [`distinguished`] already.
     pub fn job(
         &self,
         styles: &Value,
