@@ -21,7 +21,7 @@ pub struct Identity {
     /// Of the encoder's file, where it is not the shipped one.
     encoder: Option<u64>,
     photos: Vec<PhotoMark>,
-    /// Of names, sizes and times of the paintings' files.
+    /// Of names and sizes of the paintings' files.
     paintings: Option<u64>,
 }
 

@@ -130,7 +130,7 @@ fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<F
             path,
             format!("frame {}", image.name),
             format!(
-                "it uses camera {}, which the cameras file does not have",
+                "it uses camera {}, which the cameras file does not have; take both files from one model",
                 image.camera
             ),
         ));
@@ -144,11 +144,14 @@ fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<F
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let translation = DVec3::from_array(image.translation);
     if !rotation.is_finite() || !translation.is_finite() {
-        return Err(wrong_pose("holds NaN or infinite numbers".into()));
+        return Err(wrong_pose(
+            "holds NaN or infinite numbers; compute it again or remove the image".into(),
+        ));
     }
     if (rotation.length() - 1.0).abs() > 1e-3 {
         return Err(wrong_pose(format!(
-            "is not a rotation (its quaternion has length {:.3}, which should be 1)",
+            "is not a rotation (its quaternion has length {:.3}, which must be 1); compute it again or \
+             remove the image",
             rotation.length()
         )));
     }
@@ -197,7 +200,7 @@ fn join_tracks(
             };
             let Some(&pixel) = images[frame].features.get(feature as usize) else {
                 let problem = format!(
-                    "it refers to feature {feature} of {}, which has none such",
+                    "it refers to feature {feature} of {}, which has none such; take both files from one model",
                     images[frame].name
                 );
                 return Err(SceneError::malformed(path, place(), problem));
@@ -236,7 +239,10 @@ fn lens(
             (fx, fy, cx, cy, Distortion { k1, k2, p1, p2 })
         }
         ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV", _) => {
-            let problem = format!("{} parameters do not fit the lens model {model}", p.len());
+            let problem = format!(
+                "{} parameters do not fit the lens model {model}; export the model again",
+                p.len()
+            );
             return Err(SceneError::malformed(path, place, problem));
         }
         _ => {
