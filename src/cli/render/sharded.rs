@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use impasto::Look;
+use impasto::{Look, Model};
 use serde_json::json;
 
 use super::job::{KnownModel, distinguished};
@@ -12,7 +12,7 @@ use crate::cli::progress::Frames;
 use crate::cli::shard::Shard;
 use crate::cli::values::clock;
 use crate::cli::{Answer, CliError};
-use crate::output::{Contents, Frame, SharedFolder, Target};
+use crate::output::{Contents, Frame, SharedFolder, Target, View};
 
 /// What one process did.
 struct Done {
@@ -57,23 +57,7 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
         .copied()
         .filter(|&frame| folder.lacks(frame))
         .collect();
-    if !missing.is_empty() {
-        let variants = styles.variants(model, None)?;
-        let looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
-        let mut progress = Frames::new(missing.len());
-        for &number in &missing {
-            let view = &views[number];
-            let rendered = render(model, &view.camera, &looks, &args.settings);
-            let pictures = (0..looks.len()).map(|look| rendered.image(look)).collect();
-            let frame = Frame {
-                view,
-                pictures,
-                depth: &rendered.depth,
-            };
-            folder.add(number, &frame)?;
-            progress.tick();
-        }
-    }
+    fill(&folder, &missing, &views, (model, &styles), args)?;
     let done = Done {
         rendered: missing.len(),
         kept: own.len() - missing.len(),
@@ -112,6 +96,35 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
             "seconds": seconds,
         }),
     })
+}
+
+/// Renders frames into the folder, those of the given numbers.
+fn fill(
+    folder: &SharedFolder,
+    missing: &[usize],
+    views: &[View],
+    (model, styles): (&Model, &Styles),
+    args: &RenderArgs,
+) -> Result<(), CliError> {
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let variants = styles.variants(model, None)?;
+    let looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
+    let mut progress = Frames::new(missing.len());
+    for &number in missing {
+        let view = &views[number];
+        let rendered = render(model, &view.camera, &looks, &args.settings);
+        let pictures = (0..looks.len()).map(|look| rendered.image(look)).collect();
+        let frame = Frame {
+            view,
+            pictures,
+            depth: &rendered.depth,
+        };
+        folder.add(number, &frame)?;
+        progress.tick();
+    }
+    Ok(())
 }
 
 fn state(done: &Done) -> String {
