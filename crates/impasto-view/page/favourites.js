@@ -15,7 +15,7 @@ export class Favourites {
       const name = at("favourite-name").value.trim();
       if (name === "") return;
       await request("PUT", address(name), { coats: coats.json() });
-      at("favourite-name").value = "";
+      at("favourite-form").reset();
       await this.load();
       say(`${name} is saved with the model.`);
     }));

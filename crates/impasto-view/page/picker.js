@@ -11,6 +11,7 @@ export class Picker {
     this.send = send;
     this.waiting = new Map();
     this.asking = null;
+    at("hint-end").addEventListener("click", () => this.cancel());
   }
 
   get asks() {
@@ -43,9 +44,9 @@ export class Picker {
       this.asking = resolve;
       at("stage").classList.add("picking");
       at("aim").hidden = false;
-      const hint = at("hint");
-      hint.textContent = `${what}, or press Enter for the middle. Esc calls it off.`;
-      hint.hidden = false;
+      at("hint-text").textContent = `${what}, or press Enter for the middle.`;
+      at("hint").hidden = false;
+      at("hint-end").hidden = false;
       at("view").focus({ preventScroll: true });
       if (matchMedia("(max-width: 820px)").matches) window.scrollTo(0, 0);
     });
@@ -53,6 +54,7 @@ export class Picker {
     at("stage").classList.remove("picking");
     at("aim").hidden = true;
     at("hint").hidden = true;
+    at("hint-end").hidden = true;
     return place ? this.pick(...place) : null;
   }
 

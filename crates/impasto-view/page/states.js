@@ -78,9 +78,10 @@ export class States {
     at("facts").hidden = false;
     if (this.seen) return;
     this.seen = true;
+    document.body.classList.remove("waiting");
     const hint = at("hint");
     if (!this.used && this.scene?.styled) {
-      hint.textContent = "Drop a painting here, or choose one from the shelf.";
+      at("hint-text").textContent = "Drop a painting here, or choose one from the shelf.";
       hint.hidden = false;
       hint.dataset.first = "1";
     }
