@@ -4,9 +4,9 @@ import { at, el, icon, iconButton, slider } from "./dom.js";
 import { maskFields } from "./masks.js";
 
 const KEEPS = [
-  ["none", "Painting’s", "Paint and colours are the painting’s."],
+  ["none", "Painting’s", "As the painting has them."],
   ["luminance", "Scene’s", "Only light and dark are painted."],
-  ["palette", "Matched", "The paint takes on the scene’s palette."],
+  ["palette", "Matched", "Paint in the scene’s own palette."],
 ];
 
 const percent = (share) => `${Math.round(share * 100)} %`;

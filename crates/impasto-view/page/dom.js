@@ -75,4 +75,7 @@ export function download(blob, name) {
   setTimeout(() => URL.revokeObjectURL(address), 10000);
 }
 
+// The server's messages begin small, since the program puts "impasto: " before them.
+export const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;

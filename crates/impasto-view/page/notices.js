@@ -1,6 +1,6 @@
 // Short messages at the edge of the picture. Faults stay longer, and are read out at once.
 
-import { at, el, iconButton } from "./dom.js";
+import { at, el, iconButton, sentence } from "./dom.js";
 
 const SHOWN_MS = 5000;
 const FAULT_MS = 12000;
@@ -17,7 +17,7 @@ function show(place, message, duration) {
 }
 
 export const say = (message) => show(at("notices"), message, SHOWN_MS);
-export const warn = (fault) => show(at("faults"), fault.message ?? String(fault), FAULT_MS);
+export const warn = (fault) => show(at("faults"), sentence(fault.message), FAULT_MS);
 
 // For listeners: whatever goes wrong inside is said.
 export const guarded = (action) => async (...given) => {

@@ -1,12 +1,19 @@
 // The shelf of paintings: thumbnails, uploads, drops, and generated ones.
 
 import { get, post } from "./api.js";
-import { at, el, icon } from "./dom.js";
+import { at, el, icon, sentence } from "./dom.js";
 import { guarded, say, warn } from "./notices.js";
 
 const LARGEST = 32 * 1024 * 1024;
 const MANY = 12;
 const OURS = "application/x-impasto-painting";
+
+// The file's name as one would say it: without its ending and the number that sorts it.
+const spoken = (name) => {
+  const words = name.split("/").at(-1).replace(/\.(jpe?g|png|webp|gif|bmp|tiff?)$/i, "")
+    .replace(/^\d+[_-]+/, "").replace(/[_-]+/g, " ").trim();
+  return words === "" ? name : words;
+};
 
 export class Shelf {
   constructor(coats) {
@@ -25,7 +32,8 @@ export class Shelf {
   }
 
   async load() {
-    this.known = new Map((await get("/api/paintings")).map((painting) => [painting.id, painting]));
+    const all = await get("/api/paintings");
+    this.known = new Map(all.map((painting) => [painting.id, { ...painting, name: spoken(painting.name) }]));
     this.build();
   }
 
@@ -72,9 +80,10 @@ export class Shelf {
   }
 
   // New ones come first: who uploaded one looks for it.
-  put(painting) {
-    this.known.delete(painting.id);
-    this.known = new Map([[painting.id, painting], ...this.known]);
+  put({ id, name, thumbnail }) {
+    const painting = { id, name: spoken(name), thumbnail };
+    this.known.delete(id);
+    this.known = new Map([[id, painting], ...this.known]);
     at("find").value = "";
     this.build();
     at("shelf").scrollTop = 0;
@@ -92,7 +101,7 @@ export class Shelf {
     let mixes = mixing;
     for (const file of files) {
       if (file.size > LARGEST) {
-        warn(`${file.name} is larger than 32 MiB. Save a smaller copy and drop that.`);
+        warn(new Error(`${file.name} is larger than 32 MiB. Save a smaller copy and drop that.`));
         continue;
       }
       try {
@@ -102,7 +111,7 @@ export class Shelf {
         if (mixes) this.coats.mix(painting.id);
         else this.coats.paint(painting.id);
         mixes = true;
-        say(`${painting.name} is on the shelf.`);
+        say(`${sentence(spoken(painting.name))} is on the shelf.`);
       } catch (fault) {
         warn(new Error(`${file.name}: ${fault.message}`));
       } finally {

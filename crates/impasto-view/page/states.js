@@ -1,7 +1,7 @@
 // What the page is doing when it is not simply showing a picture: connecting, waiting for a model
 // in training, without a style stage, without a connection.
 
-import { at } from "./dom.js";
+import { at, sentence } from "./dom.js";
 import { RunView } from "./run.js";
 
 export class States {
@@ -55,7 +55,7 @@ export class States {
       this.run(run);
       return;
     }
-    this.title("There is nothing to show", fault.message);
+    this.title("There is nothing to show", sentence(fault.message));
     at("state-again").hidden = true;
   }
 
