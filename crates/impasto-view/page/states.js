@@ -15,10 +15,12 @@ export class States {
     at("painting").disabled = true;
   }
 
-  title(title, text) {
+  // What changes every second stands apart: it would be read out every second.
+  title(title, text, when = "") {
     at("state").hidden = false;
-    at("state-title").textContent = title;
-    at("state-text").textContent = text;
+    at("state-when").textContent = when;
+    if (at("state-title").textContent !== title) at("state-title").textContent = title;
+    if (at("state-text").textContent !== text) at("state-text").textContent = text;
   }
 
   opened() {
@@ -36,9 +38,9 @@ export class States {
       const when = left > 0 ? `Trying again in ${left} s.` : "Trying again…";
       if (this.seen) {
         at("connection").hidden = false;
-        at("connection-text").textContent = `Connection lost. ${when}`;
+        at("connection-when").textContent = when;
       } else {
-        this.title("The studio does not answer", `Is impasto view still running? ${when}`);
+        this.title("The studio does not answer", "Is impasto view still running?", when);
         at("state-run").hidden = true;
         at("state-again").hidden = false;
       }
@@ -81,7 +83,8 @@ export class States {
     document.body.classList.remove("waiting");
     const hint = at("hint");
     if (!this.used && this.scene?.styled) {
-      at("hint-text").textContent = "Drop a painting here, or choose one from the shelf.";
+      at("hint-text").textContent = matchMedia("(hover: none)").matches
+        ? "Choose a painting from the shelf." : "Drop a painting here, or choose one from the shelf.";
       hint.hidden = false;
       hint.dataset.first = "1";
     }
