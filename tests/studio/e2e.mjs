@@ -29,6 +29,7 @@ assert.ok(files.length >= 2, `${styles} has fewer than two paintings`);
 const hands = await Hands.open(address, out, DESK);
 const { page } = hands;
 const strength = page.getByLabel("Strength");
+const where = page.locator(".coat.open .mask select");
 const report = {};
 
 // How far in colour and gradients a kept picture is from a painting.
@@ -106,6 +107,22 @@ try {
   report.nothing = round(nothing);
   assert.ok(nothing < NOISE, `strength 0 is ${nothing}/255 from the photo's look`);
   await strength.fill("1");
+  await hands.settled();
+
+  step("a sphere, and everything but that");
+  await where.selectOption("sphere");
+  await page.getByRole("button", { name: "Put it at a point…" }).click();
+  await page.locator("#view").click();
+  await page.locator("#aim").waitFor({ state: "hidden" });
+  await page.getByLabel("Radius").fill("0.2");
+  await hands.keep("sphere");
+  await page.getByLabel("Everything but that").check();
+  await hands.keep("outside");
+  const [inside, outside] = [(await hands.difference("sphere", "photo")).mean, (await hands.difference("outside", "photo")).mean];
+  report.sphere = { inside: round(inside), outside: round(outside), whole: round(whole) };
+  assert.ok(inside > 0.1 && outside > 0.1, `the sphere's paint changed ${inside}/255, the rest's ${outside}/255`);
+  assert.ok(Math.abs(inside + outside - whole) < 2 * NOISE, `${inside} inside and ${outside} outside are not ${whole}`);
+  await where.selectOption("everywhere");
   await hands.settled();
 
   step("a favourite");

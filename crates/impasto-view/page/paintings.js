@@ -101,7 +101,7 @@ export class Shelf {
     let mixes = mixing;
     for (const file of files) {
       if (file.size > LARGEST) {
-        warn(new Error(`${file.name} is larger than 32 MiB. Save a smaller copy and drop that.`));
+        warn(new Error(`“${file.name}” is larger than 32 MiB. Save a smaller copy and drop that.`));
         continue;
       }
       try {
@@ -113,7 +113,7 @@ export class Shelf {
         mixes = true;
         say(`${sentence(spoken(painting.name))} is on the shelf.`);
       } catch (fault) {
-        warn(new Error(`${file.name}: ${fault.message}`));
+        warn(new Error(`“${file.name}”: ${sentence(fault.message)}`));
       } finally {
         at("stage").classList.remove("busy");
       }
