@@ -1,6 +1,7 @@
 // The studio: puts its parts together. docs/studio.md has what page and server say to each other.
 
 import { get } from "./api.js";
+import { Brush } from "./brush.js";
 import { Camera } from "./camera.js";
 import { CoatList } from "./coat-list.js";
 import { Coats } from "./coats.js";
@@ -11,14 +12,13 @@ import { Jobs } from "./jobs.js";
 import { setUpKeys } from "./keys.js";
 import { Marks } from "./marks.js";
 import { guarded, say, warn } from "./notices.js";
+import { Shelf } from "./paintings.js";
 import { Pace } from "./pace.js";
-import { Brush } from "./brush.js";
 import { setUpDetail, setUpHelp, setUpTabs, setUpTheme, toggleWide } from "./panel.js";
 import { Paths } from "./paths.js";
 import { Picker } from "./picker.js";
 import { Places } from "./places.js";
 import { Screen } from "./screen.js";
-import { Shelf } from "./paintings.js";
 import { Socket } from "./socket.js";
 import { States } from "./states.js";
 
