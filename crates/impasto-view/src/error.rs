@@ -16,7 +16,10 @@ pub enum ViewError {
     )]
     PortTaken(SocketAddr),
     /// The address is none of this machine's, or may not be used.
-    #[error("cannot listen on {address}: {}; choose another --host or --port", plainly(source))]
+    #[error(
+        "cannot listen on {address}: {}; choose another --host or --port",
+        plainly(source)
+    )]
     Listen {
         /// Where.
         address: SocketAddr,

@@ -107,8 +107,9 @@ impl Shelf {
         gallery: &Gallery,
     ) -> Result<(), Unsaved> {
         let path = self.file(name)?;
-        let disk =
-            |e: io::Error| Unsaved::Disk(format!("the favourite cannot be saved ({})", plainly(&e)));
+        let disk = |e: io::Error| {
+            Unsaved::Disk(format!("the favourite cannot be saved ({})", plainly(&e)))
+        };
         let _changing = self.changing.lock().unwrap_or_else(PoisonError::into_inner);
         let is_known = path.is_file();
         if !is_known && self.list().len() >= MOST {
@@ -237,7 +238,18 @@ mod tests {
             assert!(is_safe(name), "{name}");
         }
         for name in [
-            "", "..", "../x", "a/b", "a\\b", ".hidden", "a.json", " a", "a\0", "c:", "a\n", "*",
+            "",
+            "..",
+            "../x",
+            "a/b",
+            "a\\b",
+            ".hidden",
+            "a.json",
+            " a",
+            "a\0",
+            "c:",
+            "a\n",
+            "*",
             &"x".repeat(65),
         ] {
             assert!(!is_safe(name), "{name}");
@@ -251,7 +263,10 @@ mod tests {
         ] {
             assert!(!is_painting(name), "{name}");
         }
-        let file = format!("0123456789abcdef-{}", file_name("../a ü/..\\my picture.jpg"));
+        let file = format!(
+            "0123456789abcdef-{}",
+            file_name("../a ü/..\\my picture.jpg")
+        );
         assert_eq!(file, "0123456789abcdef-my_picture.jpg");
         assert!(is_painting(&file));
     }

@@ -105,7 +105,10 @@ impl Gallery {
         limits: Limits,
         shelf: Arc<Shelf>,
     ) -> std::io::Result<Self> {
-        let mut folder = styles.map(StyleFolder::walk).transpose()?.unwrap_or_default();
+        let mut folder = styles
+            .map(StyleFolder::walk)
+            .transpose()?
+            .unwrap_or_default();
         folder.files.retain(|file| is_picture(&file.path));
         Ok(Self {
             folder,
@@ -240,7 +243,12 @@ impl Gallery {
 
     /// A small JPEG of a painting.
     pub(crate) fn thumbnail(&self, id: &str) -> Result<Arc<Vec<u8>>, String> {
-        if let Some((_, made)) = self.added().thumbnails.iter().find(|(known, _)| known == id) {
+        if let Some((_, made)) = self
+            .added()
+            .thumbnails
+            .iter()
+            .find(|(known, _)| known == id)
+        {
             return Ok(made.clone());
         }
         let picture = match self.file(id)? {
@@ -286,11 +294,8 @@ fn thumbnail(picture: &RgbImage) -> Result<Vec<u8>, String> {
         // Averages first: a filter alone takes long over a large picture.
         true => {
             let (w, h) = (side(width), side(height));
-            let rough = image::imageops::thumbnail(
-                picture,
-                (2 * w).min(width),
-                (2 * h).min(height),
-            );
+            let rough =
+                image::imageops::thumbnail(picture, (2 * w).min(width), (2 * h).min(height));
             image::imageops::resize(&rough, w, h, FilterType::Triangle)
         }
         false => picture.clone(),

@@ -9,9 +9,6 @@ use crate::path::check_size;
 
 /// Largest message of a page, in bytes.
 pub(crate) const LARGEST: usize = 64 << 10;
-/// Most coats at a time, and paintings in one of them.
-const MOST_COATS: usize = 16;
-const MOST_MIXED: usize = 16;
 
 #[derive(Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
@@ -105,11 +102,6 @@ impl Message {
 
 /// Coats that make sense and are not too many.
 pub(crate) fn checked(coats: Vec<CoatSpec>) -> Result<Coats, String> {
-    if coats.len() > MOST_COATS || coats.iter().any(|c| c.paintings.len() > MOST_MIXED) {
-        return Err(format!(
-            "that is too much paint; give at most {MOST_COATS} coats of {MOST_MIXED} paintings"
-        ));
-    }
     let coats = Coats { coats };
     coats.check().map_err(|e| e.to_string())?;
     Ok(coats)

@@ -86,11 +86,7 @@ mod tests {
         let key = |i: u32| {
             let turn = DMat4::from_rotation_y(0.4 * f64::from(i));
             let pose = turn * DMat4::from_translation(DVec3::new(0.1, 0.2, -0.5));
-            Camera::viewpoint(
-                &pose.to_cols_array(),
-                40.0 + 5.0 * f64::from(i),
-                (320, 180),
-            )
+            Camera::viewpoint(&pose.to_cols_array(), 40.0 + 5.0 * f64::from(i), (320, 180))
         };
         (0..3).map(|i| key(i).unwrap()).collect()
     }

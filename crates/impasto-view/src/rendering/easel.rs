@@ -36,10 +36,7 @@ impl<V: View> Piece<V> {
 
     /// Width and height of what is rendered.
     pub(super) fn size(&self) -> (u32, u32) {
-        (
-            self.camera.intrinsics.width,
-            self.camera.intrinsics.height,
-        )
+        (self.camera.intrinsics.width, self.camera.intrinsics.height)
     }
 
     /// Keeps what was painted, for those who point at it.
@@ -64,7 +61,9 @@ impl<V: View> Piece<V> {
         let index = row as usize * width as usize + column as usize;
         let depth = geometry.depth().get(index).copied().map(f64::from);
         let depth = depth.filter(|depth| depth.is_finite());
-        let ray = self.camera.ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
+        let ray = self
+            .camera
+            .ray(f64::from(column) + 0.5, f64::from(row) + 0.5);
         Some(Picked {
             point: depth.map(|depth| (ray.origin + ray.direction * depth).to_array()),
             depth,
@@ -114,10 +113,7 @@ impl<P: Painter> Easel<P> {
         let Some((view, _)) = self.view else {
             return;
         };
-        let size = (
-            view.camera.intrinsics.width,
-            view.camera.intrinsics.height,
-        );
+        let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
         if self.pieces.is_empty() {
             let (width, height) = pace.coarse(size);
             let camera = view.camera.resized(width, height);
@@ -125,15 +121,16 @@ impl<P: Painter> Easel<P> {
                 true => Level::Sharp,
                 false => Level::Coarse,
             };
-            self.pieces
-                .push(Piece::new(level, (0, size.1), camera));
+            self.pieces.push(Piece::new(level, (0, size.1), camera));
         }
         let is_sharp = self.pieces[0].level == Level::Sharp;
         if !view.moving && !is_sharp && self.pieces.len() == 1 {
             let bands = bands(size.1, pace.rows(size));
-            self.pieces.extend(bands.into_iter().map(|rows| {
-                Piece::new(Level::Sharp, rows, view.camera.rows(rows.0, rows.1))
-            }));
+            self.pieces.extend(
+                bands
+                    .into_iter()
+                    .map(|rows| Piece::new(Level::Sharp, rows, view.camera.rows(rows.0, rows.1))),
+            );
         }
         let sharp = 1..self.pieces.len();
         let all_there = || {

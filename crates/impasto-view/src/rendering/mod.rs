@@ -177,10 +177,7 @@ impl<P: Painter> Atelier<P> {
                 view: view.id,
                 coats: coats.0,
                 rows: piece.rows,
-                size: (
-                    view.camera.intrinsics.width,
-                    view.camera.intrinsics.height,
-                ),
+                size: (view.camera.intrinsics.width, view.camera.intrinsics.height),
                 level: piece.level,
                 last,
                 milliseconds: since.max(coats.1).elapsed().as_millis(),

@@ -1,0 +1,2 @@
+const scene = await (await fetch("/api/scene")).json();
+document.getElementById("scene").textContent = scene.name;
