@@ -103,11 +103,6 @@ impl Clients {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether no page more is let in.
-    pub(crate) fn is_full(&self) -> bool {
-        self.lock().seats.len() >= self.most
-    }
-
     /// Seats a page: its number, and what is on its way to it. `None` if there is no seat left.
     pub(crate) fn enter(&self) -> Option<(u64, Receiver<Outgoing>)> {
         let mut state = self.lock();

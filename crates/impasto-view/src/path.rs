@@ -54,7 +54,7 @@ impl Keyframes {
             ));
         }
         let frames = self.seconds * self.fps;
-        if !(frames >= 1.0 && frames <= MOST_FRAMES) {
+        if !(1.0..=MOST_FRAMES).contains(&frames) {
             return Err(format!(
                 "{} seconds at {} frames a second are no film; give 1 to {MOST_FRAMES} frames",
                 self.seconds, self.fps

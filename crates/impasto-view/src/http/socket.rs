@@ -8,6 +8,7 @@ use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message as Raw, WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use tokio::sync::mpsc::Receiver;
+use tokio::sync::watch;
 use tokio::time::{Instant, interval, timeout};
 
 use super::Studio;
@@ -114,7 +115,7 @@ impl Talk {
                     true => Err(None),
                     false => send(&mut self.socket, reading, Raw::Ping(Default::default())).await,
                 },
-                _ = closing.wait_for(|closing| *closing) => {
+                _ = is_closing(&mut closing) => {
                     Err(Some((GOING_AWAY, "the studio closes")))
                 }
             };
@@ -161,6 +162,12 @@ impl Talk {
         say(&mut self.socket, FAREWELL, problem(&said, None)).await?;
         Err(Some((TOO_LARGE, "message too large")))
     }
+}
+
+/// Returns when the studio closes.
+async fn is_closing(closing: &mut watch::Receiver<bool>) {
+    // An error says that nobody is left who could close it.
+    let _ = closing.wait_for(|closing| *closing).await;
 }
 
 async fn say(socket: &mut WebSocket, time: Duration, text: String) -> Result<(), End> {
