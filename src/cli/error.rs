@@ -11,7 +11,8 @@ use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::file::plainly;
 use impasto::scene::paths::PathError;
-use impasto::{NoDevice, StyleError, TrainError};
+use impasto::view::ViewError;
+use impasto::{CoatError, NoDevice, StyleError, TrainError};
 
 use super::Answer;
 
@@ -68,6 +69,9 @@ pub enum CliError {
     /// A study with people.
     #[error(transparent)]
     Study(#[from] StudyError),
+    /// The studio.
+    #[error(transparent)]
+    View(#[from] ViewError),
     /// A camera path fitted to the capture.
     #[error("the camera path cannot be made: {0}")]
     Path(#[from] PathError),
@@ -79,6 +83,17 @@ pub enum CliError {
         /// What is wrong with it.
         source: PathError,
     },
+    /// A file of coats.
+    #[error("{}: not a file of coats: {problem}; docs/studio.md describes its form", path.display())]
+    CoatsFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A coat cannot be put on.
+    #[error(transparent)]
+    Coat(#[from] CoatError),
     /// A style image cannot be decoded.
     #[error(
         "{}: not a usable painting ({problem}); give a JPEG, PNG, WebP, TIFF or GIF picture",

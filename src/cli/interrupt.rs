@@ -9,6 +9,11 @@ const INTERRUPTED: i32 = 130;
 
 /// A stop that is requested by the first interruption; the second one leaves at once.
 pub fn stop() -> Stop {
+    stop_saying("stopping after this step; once more leaves at once, with the last checkpoint")
+}
+
+/// The same, with what is said then.
+pub fn stop_saying(what: &'static str) -> Stop {
     let stop = Stop::default();
     let requested = stop.clone();
     let handled = ctrlc::set_handler(move || {
@@ -16,7 +21,7 @@ pub fn stop() -> Stop {
             std::process::exit(INTERRUPTED);
         }
         requested.request();
-        note("\nstopping after this step; once more leaves at once, with the last checkpoint");
+        note(format_args!("\n{what}"));
     });
     // Without a handler an interruption ends the program, as it always did.
     drop(handled);

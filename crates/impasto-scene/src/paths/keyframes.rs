@@ -209,7 +209,7 @@ fn fitted(lens: &Intrinsics, (width, height): (u32, u32)) -> Intrinsics {
 }
 
 /// A smooth curve through cameras.
-struct Spline<'a> {
+pub(super) struct Spline<'a> {
     keys: &'a [Camera],
     /// Rotations with signs chosen so that neighbours are close.
     rotations: Vec<DVec4>,
@@ -217,7 +217,7 @@ struct Spline<'a> {
 }
 
 impl<'a> Spline<'a> {
-    fn through(keys: &'a [Camera], closed: bool) -> Self {
+    pub(super) fn through(keys: &'a [Camera], closed: bool) -> Self {
         let mut rotations: Vec<DVec4> = Vec::with_capacity(keys.len());
         for key in keys {
             let rotation = DVec4::from(DQuat::from_mat4(&key.camera_to_world));
@@ -235,7 +235,7 @@ impl<'a> Spline<'a> {
 
     /// Frame `frame` of `frames`: the first is the first key; the last is the last key or, on a
     /// closed path, one step before the first.
-    fn camera(&self, frame: usize, frames: usize) -> Camera {
+    pub(super) fn camera(&self, frame: usize, frames: usize) -> Camera {
         let count = self.keys.len();
         let (steps, parts) = if self.closed {
             (count, frames)

@@ -5,11 +5,13 @@
 //! [`Scene::cameras`](crate::Scene::cameras).
 
 mod keyframes;
+mod nerfstudio;
 mod orbit;
 pub(crate) mod shape;
 mod spiral;
 
 pub use keyframes::{KeyframeOptions, keyframes};
+pub use nerfstudio::Flight;
 pub use orbit::orbit;
 pub use spiral::spiral;
 
