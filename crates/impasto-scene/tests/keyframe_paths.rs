@@ -1,5 +1,7 @@
 //! Camera paths through keyframes come back from nerfstudio's form as they were, and go evenly.
 
+#![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+
 mod common;
 
 use std::f64::consts::{PI, TAU};
