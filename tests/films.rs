@@ -159,10 +159,10 @@ fn apart(a: &RgbImage, b: &RgbImage) -> (f64, f64) {
     let pixels = f64::from(a.width() * a.height());
     let (mut sum, mut means) = (0.0, [0.0; 3]);
     for (a, b) in a.pixels().zip(b.pixels()) {
-        for c in 0..3 {
-            let difference = f64::from(a.0[c]) - f64::from(b.0[c]);
+        for ((a, b), mean) in a.0.iter().zip(b.0).zip(&mut means) {
+            let difference = f64::from(*a) - f64::from(b);
             sum += difference.abs();
-            means[c] += difference / pixels;
+            *mean += difference / pixels;
         }
     }
     let largest = means
