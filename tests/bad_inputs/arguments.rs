@@ -249,6 +249,50 @@ fn arguments() -> Vec<Case> {
             &["2", "0 to 1"],
         ),
         usage(
+            "a mask of no shape",
+            "render model -o new --style styles/red.png --mask sky",
+            &["sky", "near, far", "sphere:"],
+        ),
+        usage(
+            "a mask around nothing",
+            "render model -o new --style styles/red.png --mask sphere:0,0,0,0",
+            &["radius of 0", "more than 0"],
+        ),
+        usage(
+            "colours kept in an unknown way",
+            "render model -o new --style styles/red.png --keep-color hue",
+            &["hue", "luminance", "palette"],
+        ),
+        usage(
+            "coats and a style",
+            "render model -o new --style styles/red.png --coats coats.json",
+            &["--coats", "cannot be used with"],
+        ),
+        bad(
+            "coats that are no JSON",
+            "render model -o new --coats coats.json",
+            |d| write(d, "coats.json", "{\"coats\": ["),
+            &["coats.json", "line 1", "docs/studio.md"],
+        ),
+        bad(
+            "a coat of an impossible strength",
+            "render model -o new --coats coats.json",
+            |d| {
+                let coat = r#"{"paintings": [{"painting": "styles/red.png"}], "strength": 3}"#;
+                write(d, "coats.json", &format!("{{\"coats\": [{coat}]}}"))
+            },
+            &["coats.json", "coat 1", "strength of 3", "0 to 1"],
+        ),
+        bad(
+            "a coat of a painting that is not there",
+            "render model -o new --coats coats.json",
+            |d| {
+                let coat = r#"{"paintings": [{"painting": "styles/gone.png"}]}"#;
+                write(d, "coats.json", &format!("{{\"coats\": [{coat}]}}"))
+            },
+            &["styles/gone.png", "cannot be read"],
+        ),
+        usage(
             "a weight below zero",
             "render model -o new --style styles/red.png:-1",
             &["styles/red.png:-1", "not negative"],
