@@ -59,3 +59,10 @@ pub fn paint(recipe: &Recipe, width: u32, height: u32) -> RgbImage {
     technique::finish(&mut studio);
     studio.canvas.to_image()
 }
+
+/// The generated painting of a number: any family, palette and scale, square, `side` pixels long.
+/// [`Recipe::random`] and [`paint`] in one; the same number is the same painting everywhere.
+pub fn random(seed: u64, side: u32) -> (Recipe, RgbImage) {
+    let recipe = Recipe::random(seed);
+    (recipe, paint(&recipe, side, side))
+}

@@ -2,7 +2,7 @@
 //! palettes look different, every size and scale works, and everything is labelled synthetic.
 
 use image::RgbImage;
-use impasto_paintings::{Family, LARGEST_SIDE, PALETTES, Recipe, label, paint};
+use impasto_paintings::{Family, LARGEST_SIDE, PALETTES, Recipe, label, paint, random};
 use std::collections::HashSet;
 
 /// Mean colour, spread of lightness, and mean gradients at two scales, each about 0…1.
@@ -256,4 +256,12 @@ fn random_recipes_reach_every_family_and_most_palettes() {
     assert_eq!(families.len(), Family::ALL.len());
     assert_eq!(palettes.len(), PALETTES.len());
     assert!(recipes.iter().all(|r| (0.6..2.0).contains(&r.scale)));
+}
+
+#[test]
+fn a_number_is_a_painting() {
+    let (recipe, picture) = random(42, 32);
+    assert_eq!(recipe, Recipe::random(42));
+    assert_eq!(picture, paint(&recipe, 32, 32));
+    assert_ne!(picture, random(43, 32).1);
 }
