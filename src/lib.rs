@@ -48,3 +48,4 @@ pub use impasto_train::{
     Stages, Stop, TrainConfig, TrainError, TrainOptions, TrainSummary, Unfinished, cache_folder,
     check_encoder, is_cpu, read_encoder, read_paintings, train, train_encoder,
 };
+pub use impasto_view as view;

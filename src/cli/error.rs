@@ -11,6 +11,7 @@ use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::file::plainly;
 use impasto::scene::paths::PathError;
+use impasto::view::ViewError;
 use impasto::{CoatError, NoDevice, StyleError, TrainError};
 
 use super::Answer;
@@ -68,6 +69,9 @@ pub enum CliError {
     /// A study with people.
     #[error(transparent)]
     Study(#[from] StudyError),
+    /// The studio.
+    #[error(transparent)]
+    View(#[from] ViewError),
     /// A camera path fitted to the capture.
     #[error("the camera path cannot be made: {0}")]
     Path(#[from] PathError),

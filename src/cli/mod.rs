@@ -23,6 +23,7 @@ mod train;
 mod train_baseline;
 mod train_encoder;
 mod values;
+mod view;
 mod weights;
 
 pub use error::CliError;
@@ -53,6 +54,7 @@ enum Command {
     TrainBaseline(train_baseline::TrainBaselineArgs),
     Render(render::RenderArgs),
     Batch(batch::BatchArgs),
+    View(view::ViewArgs),
     Eval(eval::EvalArgs),
     Study(study::StudyArgs),
     Info(info::InfoArgs),
@@ -93,6 +95,7 @@ pub fn main() -> ExitCode {
         Command::TrainBaseline(args) => train_baseline::run(args),
         Command::Render(args) => render::run(args),
         Command::Batch(args) => batch::run(args),
+        Command::View(args) => view::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Study(args) => study::run(args),
         Command::Info(args) => info::run(args),

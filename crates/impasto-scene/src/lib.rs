@@ -24,6 +24,7 @@ mod picture_file;
 mod pose;
 mod readers;
 mod scene;
+mod viewpoint;
 
 pub use camera::{Camera, Distortion, Intrinsics, Ray};
 pub use detect::{Format, detect};
@@ -32,7 +33,8 @@ pub use load::{LoadOptions, load};
 pub use masks::MaskUse;
 pub use normalise::Normalisation;
 pub use photo::downscale;
-pub use picture_file::{PICTURE_ENDINGS, is_picture, read_rgb};
+pub use picture_file::{PICTURE_ENDINGS, decode_rgb, is_picture, read_rgb};
 pub use readers::colmap::photo_names as colmap_photo_names;
 pub use readers::nerf_plus_plus::camera_path as nerf_plus_plus_path;
 pub use scene::{Observation, Photo, Scene, SparsePoint, Split};
+pub use viewpoint::Vantage;

@@ -52,6 +52,26 @@ pub fn read_rgb(path: &Path) -> Result<RgbImage, SceneError> {
     Ok(on_white(pixels))
 }
 
+/// [`read_rgb`] of a file's bytes, of at most `most_pixels` pixels: for pictures that strangers send.
+///
+/// # Errors
+/// As [`read_rgb`], the reason alone.
+pub fn decode_rgb(bytes: &[u8], most_pixels: u64) -> Result<RgbImage, String> {
+    let (width, height) = decoder(bytes)?.dimensions();
+    if u64::from(width) * u64::from(height) > most_pixels {
+        return Err(format!(
+            "it is {width}×{height} pixels, more than the {} megapixels that are taken; shrink it \
+             first",
+            most_pixels / 1_000_000
+        ));
+    }
+    let Decoded {
+        mut pixels, turn, ..
+    } = Decoded::of(bytes)?;
+    pixels.apply_orientation(turn);
+    Ok(on_white(pixels))
+}
+
 /// Width and height as stored, from the header.
 pub(crate) fn stored_size(path: &Path) -> Result<(u32, u32), SceneError> {
     let bytes = bytes_of(path)?;
@@ -267,6 +287,19 @@ mod tests {
         assert!(jpeg_is_complete(
             &[&with_thumbnail[..], &[0xFF, 0xD9]].concat()
         ));
+    }
+
+    #[test]
+    fn bytes_are_decoded_up_to_a_size() {
+        let mut bytes = Vec::new();
+        let grey = RgbImage::from_pixel(40, 30, Rgb([9, 8, 7]));
+        grey.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)
+            .unwrap();
+        assert_eq!(decode_rgb(&bytes, 1200).unwrap(), grey);
+        assert!(decode_rgb(&bytes, 1199).unwrap_err().contains("40×30"));
+        assert!(decode_rgb(b"<svg/>", 1200).unwrap_err().contains("no JPEG"));
+        assert!(decode_rgb(&[], 1200).unwrap_err().contains("empty"));
+        assert!(decode_rgb(&bytes[..60], 1200).is_err());
     }
 
     #[test]

@@ -1,0 +1,93 @@
+//! Paintings: what there is, more of them, and small pictures of them.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::Response;
+use serde::Deserialize;
+use tokio::time::timeout;
+
+use super::reply::{Refusal, bytes, json_reply, of_type, too_large};
+use super::{Studio, apart};
+use crate::gallery::Untaken;
+
+/// How long an upload may wait for those before it.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Named {
+    #[serde(default)]
+    name: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Identified {
+    id: String,
+}
+
+fn asked<T>(query: Result<Query<T>, QueryRejection>) -> Result<T, Refusal> {
+    let query = query.map(|Query(asked)| asked);
+    query.map_err(|e| Refusal::wrong(format!("the address is not understood ({e})")))
+}
+
+pub(super) async fn list(State(studio): State<Arc<Studio>>) -> Result<Response, Refusal> {
+    let list = apart(move || studio.gallery.list()).await?;
+    Ok(json_reply(&list))
+}
+
+pub(super) async fn upload(
+    State(studio): State<Arc<Studio>>,
+    query: Result<Query<Named>, QueryRejection>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Refusal> {
+    let Named { name } = asked(query)?;
+    let most = studio.limits.upload;
+    let length = headers.get(header::CONTENT_LENGTH);
+    let length = length.and_then(|l| l.to_str().ok()?.parse::<u64>().ok());
+    if length.is_some_and(|length| length > most as u64) {
+        return Err(too_large(most));
+    }
+    let permit = timeout(PATIENCE, studio.uploads.acquire()).await;
+    let permit = permit.map_err(|_| {
+        Refusal::busy("other paintings are being uploaded; try again when they are there")
+    })?;
+    let body = bytes(body, most, studio.limits.body).await?;
+    let gallery = studio.gallery.clone();
+    let taken = apart(move || gallery.take(&name, &body)).await?;
+    drop(permit);
+    match taken {
+        Ok(painting) => Ok(json_reply(&painting)),
+        Err(Untaken::NoPicture(problem)) => Err(Refusal::new(
+            StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            format!(
+                "not a usable painting ({problem}); give a JPEG, PNG, WebP, TIFF or GIF picture"
+            ),
+        )),
+        Err(Untaken::Full(message) | Untaken::Disk(message)) => {
+            Err(Refusal::new(StatusCode::INSUFFICIENT_STORAGE, message))
+        }
+    }
+}
+
+pub(super) async fn random(State(studio): State<Arc<Studio>>) -> Response {
+    json_reply(&studio.gallery.generate())
+}
+
+pub(super) async fn thumbnail(
+    State(studio): State<Arc<Studio>>,
+    query: Result<Query<Identified>, QueryRejection>,
+) -> Result<Response, Refusal> {
+    let Identified { id } = asked(query)?;
+    // Closed only with the studio.
+    let permit = studio.shrinking.acquire().await;
+    let gallery = studio.gallery.clone();
+    let made = apart(move || gallery.thumbnail(&id)).await?;
+    drop(permit);
+    let made = made.map_err(Refusal::unknown)?;
+    Ok(of_type("image/jpeg", made.as_ref().clone()))
+}

@@ -1,0 +1,165 @@
+//! A trained model as a painter.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use impasto_scene::Camera;
+use impasto_train::{Coat, Coats, Inspiration, Look, Model, PreparedView};
+
+use crate::painter::{Painter, Pictures, SceneFacts, View};
+
+/// Paintings whose codes are kept, and looks.
+const INSPIRATIONS: usize = 512;
+const LOOKS: usize = 24;
+
+/// Shows a model. Each painting is encoded once, and each mix of them is made a look once, as long
+/// as there is room to remember it.
+pub struct ModelPainter {
+    model: Arc<Model>,
+    inspirations: Kept<String, Inspiration>,
+    looks: Kept<Vec<(String, u32)>, Look>,
+}
+
+impl ModelPainter {
+    /// A painter that shows a model.
+    pub fn new(model: Arc<Model>) -> Self {
+        Self {
+            model,
+            inspirations: Kept::new(INSPIRATIONS),
+            looks: Kept::new(LOOKS),
+        }
+    }
+
+    fn inspiration(
+        &mut self,
+        painting: &str,
+        pictures: Pictures<'_>,
+    ) -> Result<Inspiration, String> {
+        if let Some(known) = self.inspirations.get(&painting.to_owned()) {
+            return Ok(known);
+        }
+        let made = self.model.inspiration(&pictures(painting)?);
+        let made = made.map_err(|e| e.to_string())?;
+        self.inspirations.keep(painting.to_owned(), made.clone());
+        Ok(made)
+    }
+
+    /// The look of paintings mixed by weight.
+    fn look(&mut self, mix: Vec<(String, u32)>, pictures: Pictures<'_>) -> Result<Look, String> {
+        if let Some(known) = self.looks.get(&mix) {
+            return Ok(known);
+        }
+        let all = mix.iter().map(|(painting, weight)| {
+            let inspiration = self.inspiration(painting, pictures)?;
+            Ok((inspiration, f32::from_bits(*weight)))
+        });
+        let all = all.collect::<Result<Vec<_>, String>>()?;
+        let mixed = Inspiration::mix(&all).ok_or("all paintings of a coat have weight 0")?;
+        let look = self.model.look(&mixed).ok_or_else(unstyled)?;
+        self.looks.keep(mix, look.clone());
+        Ok(look)
+    }
+}
+
+fn unstyled() -> String {
+    impasto_train::CoatError::Unstyled.to_string()
+}
+
+impl Painter for ModelPainter {
+    type View = PreparedView;
+    type Paint = Vec<Coat>;
+
+    fn facts(&self) -> SceneFacts {
+        let scene = &self.model.file.scene;
+        let photos = scene.photos.iter();
+        SceneFacts {
+            name: scene.name.clone(),
+            synthetic: scene.synthetic,
+            styled: self.model.has_style(),
+            normalisation: scene.normalisation,
+            photos: photos
+                .map(|photo| (photo.name.clone(), photo.split, photo.camera))
+                .collect(),
+        }
+    }
+
+    fn view(&self, camera: &Camera) -> PreparedView {
+        self.model.prepare_view(camera)
+    }
+
+    fn paint(&self, view: &PreparedView, paint: Option<&Vec<Coat>>) -> Vec<f32> {
+        self.model
+            .paint_view(view, paint.map_or(&[], Vec::as_slice))
+    }
+
+    fn mix(&mut self, coats: &Coats, pictures: Pictures<'_>) -> Result<Vec<Coat>, String> {
+        if !self.model.has_style() && !coats.coats.is_empty() {
+            return Err(unstyled());
+        }
+        let coats = coats.coats.iter().map(|spec| {
+            let weighed = spec.paintings.iter().filter(|p| p.weight > 0.0);
+            let mix = weighed.map(|p| (p.painting.clone(), p.weight.to_bits()));
+            let look = self.look(mix.collect(), pictures)?;
+            self.model
+                .coat_of(look, spec.strength, spec.keep, spec.mask.as_ref())
+                .map_err(|e| e.to_string())
+        });
+        coats.collect()
+    }
+}
+
+impl View for PreparedView {
+    fn depth(&self) -> &[f32] {
+        Self::depth(self)
+    }
+
+    fn bytes(&self) -> usize {
+        Self::bytes(self)
+    }
+}
+
+/// The things that were used last.
+struct Kept<K, V> {
+    most: usize,
+    all: VecDeque<(K, V)>,
+}
+
+impl<K: PartialEq, V: Clone> Kept<K, V> {
+    fn new(most: usize) -> Self {
+        Self {
+            most,
+            all: VecDeque::new(),
+        }
+    }
+
+    fn get(&mut self, key: &K) -> Option<V> {
+        let index = self.all.iter().position(|(known, _)| known == key)?;
+        let found = self.all.remove(index)?;
+        let value = found.1.clone();
+        self.all.push_back(found);
+        Some(value)
+    }
+
+    fn keep(&mut self, key: K, value: V) {
+        if self.all.len() >= self.most {
+            self.all.pop_front();
+        }
+        self.all.push_back((key, value));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_used_last_is_kept() {
+        let mut kept = Kept::new(2);
+        kept.keep("a", 1);
+        kept.keep("b", 2);
+        assert_eq!(kept.get(&"a"), Some(1));
+        kept.keep("c", 3);
+        assert_eq!(kept.get(&"b"), None);
+        assert_eq!((kept.get(&"a"), kept.get(&"c")), (Some(1), Some(3)));
+    }
+}

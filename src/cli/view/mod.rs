@@ -1,0 +1,90 @@
+//! `impasto view`.
+
+use std::net::IpAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use impasto::view::{Limits, ModelPainter, NoWorkshop, Opening, Server, ViewOptions};
+use impasto::{Device, Model};
+use impasto_train::MODEL_FILE;
+use serde_json::json;
+
+use super::device::DeviceArgs;
+use super::{Answer, CliError, console, interrupt};
+
+/// Open the studio: walk through a scene and paint it, in a browser
+///
+/// The page is served on this machine only, and asks for nothing from elsewhere. A model that is
+/// still in training is followed and shown as soon as it is there. Ctrl-C closes the studio.
+#[derive(Debug, Args)]
+#[command(verbatim_doc_comment)]
+pub struct ViewArgs {
+    /// The model's folder
+    model: PathBuf,
+    /// A folder of paintings to choose from
+    #[arg(long, value_name = "DIR")]
+    styles: Option<PathBuf>,
+    /// Port to listen on; 0 takes any that is free
+    #[arg(long, value_name = "PORT", default_value_t = 7007)]
+    port: u16,
+    /// Let other machines in, through this address of this one (0.0.0.0 for all of its addresses);
+    /// the page then asks for the token that is printed, and is not encrypted on its way
+    #[arg(long, value_name = "ADDRESS")]
+    host: Option<IpAddr>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Runs the command.
+pub fn run(args: &ViewArgs) -> Result<Answer, CliError> {
+    let start = Instant::now();
+    let device = args.device.open()?;
+    let first = match is_in_training(&args.model) {
+        true => None,
+        false => Some(painter(&args.model, &device)?),
+    };
+    let scratch = tempfile::tempdir().map_err(CliError::write(&std::env::temp_dir()))?;
+    let server = Server::bind(ViewOptions {
+        address: args.host.unwrap_or(std::net::Ipv4Addr::LOCALHOST.into()),
+        port: args.port,
+        token: args.host.is_some(),
+        styles: args.styles.clone(),
+        model: args.model.clone(),
+        scratch: scratch.path().to_owned(),
+        limits: Limits::default(),
+    })?;
+    let stop = interrupt::stop("closing the studio; once more leaves at once");
+    if first.is_none() {
+        console::note("there is no model yet; the page follows its training");
+    }
+    console::note(format_args!(
+        "the studio is open at {} (Ctrl-C closes it)",
+        server.link()
+    ));
+    let model = args.model.clone();
+    let opening = Opening {
+        first,
+        again: Box::new(move || painter(&model, &device).map_err(|e| e.to_string())),
+    };
+    let address = server.address();
+    server.run(opening, Box::new(NoWorkshop), &stop)?;
+    Ok(Answer {
+        text: "the studio is closed".into(),
+        json: json!({
+            "address": address.to_string(),
+            "seconds": start.elapsed().as_secs_f64(),
+        }),
+    })
+}
+
+fn painter(model: &Path, device: &Device) -> Result<ModelPainter, CliError> {
+    let model = Model::load_on(model, device.clone())?;
+    Ok(ModelPainter::new(Arc::new(model)))
+}
+
+/// Whether a folder is that of a run which has not written its model yet.
+fn is_in_training(model: &Path) -> bool {
+    model.is_dir() && !model.join(MODEL_FILE).exists() && model.join("log.jsonl").exists()
+}
