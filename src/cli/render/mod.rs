@@ -183,7 +183,7 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     let rendering = Rendering::new(&model, &variants, &layout, args.settings.supersampling);
     let synthetic = model.file.scene.synthetic;
     let sink = target.open(&layout, synthetic)?;
-    let stop = interrupt::stop_saying(STOPPING);
+    let stop = interrupt::stop(STOPPING);
     let mut progress = Frames::new(views.len());
     let outputs = rendering.all(&views, sink, &mut |_| progress.tick(), &stop)?;
     drop(progress);
