@@ -42,9 +42,9 @@ pub use impasto_prepare as prepare;
 pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
-    Budget, Device, DeviceChoice, EncoderCheck, EncoderOptions, EncoderSummary, Event, Inspiration,
-    LOST, Look, Model, ModelPhoto, ModelScene, NoDevice, Opened, Recovery, Refinement,
-    RenderedView, Stage, Stages, Stop, TrainConfig, TrainError, TrainOptions, TrainSummary,
-    Unfinished, cache_folder, check_encoder, is_cpu, read_encoder, read_paintings, train,
-    train_encoder,
+    Budget, Coat, CoatError, CoatSpec, Coats, Device, DeviceChoice, EncoderCheck, EncoderOptions,
+    EncoderSummary, Event, Inspiration, Keep, LOST, Look, MaskSpec, Model, ModelPhoto, ModelScene,
+    NoDevice, Opened, PaintingSpec, PreparedView, Recovery, Refinement, RenderedView, Shape, Stage,
+    Stages, Stop, TrainConfig, TrainError, TrainOptions, TrainSummary, Unfinished, cache_folder,
+    check_encoder, is_cpu, read_encoder, read_paintings, train, train_encoder,
 };

@@ -30,8 +30,27 @@ pub fn seeds(scratch: &Path) -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("config", "paper", as_json(&TrainConfig::paper())),
         ("config", "toml", toml.into_bytes()),
         ("model", "geometry", model(&config, scratch)),
+        ("coats", "all", COATS.into()),
+        ("study", "one", STUDY.into()),
     ]
 }
+
+const COATS: &str = r#"{"coats": [
+{"paintings": [{"painting": "a.jpg", "weight": 0.5}, {"painting": "random:42"}], "strength": 0.8,
+"keep": "luminance", "mask": {"shape": {"sphere": {"centre": [0, 0, 0.2], "radius": 0.4}}, "inverted": true}},
+{"paintings": [{"painting": "b"}], "keep": "palette", "mask": {"shape": "near"}},
+{"paintings": [{"painting": "b"}], "mask": {"shape": {"box": {"min": [0, 0, 0], "max": [1, 1, 1]}}}},
+{"paintings": [{"painting": "b"}], "mask": {"shape": {"depth": {"from": 0.2, "to": 0.4}}}},
+{"paintings": [{"painting": "b"}], "mask": {"shape": {"surface": {"point": [0, 0, 1], "tolerance": 0.1}}}}]}"#;
+
+const STUDY: &str = r#"{"schema": 1, "study": "s", "synthetic": true, "seed": 1, "frames": 8, "size": [64, 48],
+"quality": 80, "rate": 12, "questions": [
+{"id": "q1", "painting": "p", "a": "impasto", "b": "adain"},
+{"id": "q2", "painting": "p", "a": "photo", "b": "adain"}]}
+---
+{"schema": 1, "study": "s", "participant": "one", "answers": [
+{"question": "q1", "match": {"choice": "a", "seconds": 2.5}, "flicker": {"choice": "neither", "seconds": 3.5}},
+{"question": "q2", "match": {"choice": "b", "seconds": 2.5}, "flicker": {"choice": "b", "seconds": 3.5}}]}"#;
 
 /// The fast preset with a field of a few hundred numbers.
 fn small() -> TrainConfig {

@@ -11,7 +11,7 @@ use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::file::plainly;
 use impasto::scene::paths::PathError;
-use impasto::{NoDevice, StyleError, TrainError};
+use impasto::{CoatError, NoDevice, StyleError, TrainError};
 
 use super::Answer;
 
@@ -79,6 +79,17 @@ pub enum CliError {
         /// What is wrong with it.
         source: PathError,
     },
+    /// A file of coats.
+    #[error("{}: not a file of coats: {problem}; docs/studio.md describes its form", path.display())]
+    CoatsFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A coat cannot be put on.
+    #[error(transparent)]
+    Coat(#[from] CoatError),
     /// A style image cannot be decoded.
     #[error(
         "{}: not a usable painting ({problem}); give a JPEG, PNG, WebP, TIFF or GIF picture",

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
+use impasto::{Keep, MaskSpec, Shape};
+
 /// Longest side that can be asked for, in pixels.
 const LONGEST_SIDE: u32 = 16_384;
 
@@ -86,6 +88,84 @@ pub fn share(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| format!("\"{text}\" is not a number from 0 to 1"))
 }
 
+/// Reads whose colours a coat keeps.
+pub fn keep(text: &str) -> Result<Keep, String> {
+    match text {
+        "none" => Ok(Keep::None),
+        "luminance" => Ok(Keep::Luminance),
+        "palette" => Ok(Keep::Palette),
+        _ => Err(format!("\"{text}\" is neither luminance nor palette")),
+    }
+}
+
+/// How near in colour a surface's neighbours have to be, if nothing is said.
+const TOLERANCE: f32 = 0.15;
+
+/// Reads a mask: `near`, `far`, `depth:0.2..0.8`, `box:0,0,0,1,1,1`, `sphere:0,0,0,0.5`,
+/// `surface:0,0,0`, `surface:0,0,0,0.2`, and `not:` before one of them.
+pub fn mask(text: &str) -> Result<MaskSpec, String> {
+    let wrong = || {
+        format!(
+            "\"{text}\" is not a mask; write near, far, depth:FROM..TO, box:X,Y,Z,X,Y,Z, \
+             sphere:X,Y,Z,RADIUS or surface:X,Y,Z[,TOLERANCE], or not: before one of them"
+        )
+    };
+    let (inverted, shape) = match text.strip_prefix("not:") {
+        Some(rest) => (true, rest),
+        None => (false, text),
+    };
+    let (name, values) = shape.split_once(':').unwrap_or((shape, ""));
+    let numbers = || {
+        let numbers = values.split(',').map(|word| word.trim().parse::<f32>());
+        numbers.collect::<Result<Vec<_>, _>>().map_err(|_| wrong())
+    };
+    let shape = match name {
+        "near" if values.is_empty() => Shape::Near,
+        "far" if values.is_empty() => Shape::Far,
+        "depth" => {
+            let (from, to) = values.split_once("..").ok_or_else(wrong)?;
+            let number = |text: &str| text.trim().parse::<f32>().map_err(|_| wrong());
+            let to = match to.trim() {
+                "" => None,
+                to => Some(number(to)?),
+            };
+            Shape::Depth {
+                from: number(from)?,
+                to,
+            }
+        }
+        "box" => match numbers()?[..] {
+            [a, b, c, d, e, f] => Shape::Box {
+                min: [a.min(d), b.min(e), c.min(f)],
+                max: [a.max(d), b.max(e), c.max(f)],
+            },
+            _ => return Err(wrong()),
+        },
+        "sphere" => match numbers()?[..] {
+            [x, y, z, radius] => Shape::Sphere {
+                centre: [x, y, z],
+                radius,
+            },
+            _ => return Err(wrong()),
+        },
+        "surface" => match numbers()?[..] {
+            [x, y, z] => Shape::Surface {
+                point: [x, y, z],
+                tolerance: TOLERANCE,
+            },
+            [x, y, z, tolerance] => Shape::Surface {
+                point: [x, y, z],
+                tolerance,
+            },
+            _ => return Err(wrong()),
+        },
+        _ => return Err(wrong()),
+    };
+    let mask = MaskSpec { shape, inverted };
+    mask.check()?;
+    Ok(mask)
+}
+
 /// A style image, `IMAGE` or `IMAGE:WEIGHT`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StyleArg {
@@ -128,6 +208,51 @@ impl FromStr for StyleArg {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn masks_are_shapes_or_all_but_a_shape() {
+        let shape = |text: &str| mask(text).map(|mask| (mask.shape, mask.inverted));
+        assert_eq!(shape("not:near"), Ok((Shape::Near, true)));
+        assert_eq!(
+            shape("depth:0.5.."),
+            Ok((
+                Shape::Depth {
+                    from: 0.5,
+                    to: None
+                },
+                false
+            ))
+        );
+        let sphere = Shape::Sphere {
+            centre: [-1.0, 0.0, 0.5],
+            radius: 0.25,
+        };
+        assert_eq!(shape("sphere:-1, 0, .5, .25"), Ok((sphere, false)));
+        let corners = Shape::Box {
+            min: [0.0; 3],
+            max: [1.0, 2.0, 3.0],
+        };
+        assert_eq!(shape("box:1,0,3,0,2,0"), Ok((corners, false)));
+        let surface = Shape::Surface {
+            point: [0.0; 3],
+            tolerance: TOLERANCE,
+        };
+        assert_eq!(shape("surface:0,0,0"), Ok((surface, false)));
+        for wrong in [
+            "",
+            "sky",
+            "near:1",
+            "depth:2..1",
+            "depth:1",
+            "sphere:0,0,0",
+            "sphere:0,0,0,0",
+            "box:1",
+            "not:not:far",
+            "surface:0,0,nan",
+        ] {
+            assert!(mask(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn durations_have_units() {

@@ -26,6 +26,7 @@ pub mod render;
 #[cfg(feature = "gpu")]
 pub mod resident;
 pub mod sampling;
+mod seen;
 pub mod sphere;
 mod surface;
 
@@ -39,3 +40,4 @@ pub use network::{AppNetwork, Trunk};
 pub use paintable::Paintable;
 pub use render::{Geometry, Prepared, RenderedRays, prepare_rays, render_rays};
 pub use sampling::{RayBatch, Samples, contracted_distance};
+pub use seen::{SeenRays, see_rays};

@@ -127,6 +127,14 @@ impl PaintableVolume {
         }
     }
 
+    fn numbers(&self) -> usize {
+        let canvas = self.canvas.as_ref();
+        let canvas = canvas.map(|c| [Some(&c.rows), c.left.as_ref()]);
+        let rows = canvas.into_iter().flatten().flatten();
+        let all = rows.chain(&self.views).chain([&self.features]);
+        all.map(|rows| rows.dims().iter().product::<usize>()).sum()
+    }
+
     fn map(self, f: &impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
         Self {
             features: f(self.features),
@@ -163,6 +171,14 @@ impl Paintable {
     /// Number of rays.
     pub fn rays(&self) -> usize {
         self.layout.rays.len()
+    }
+
+    /// About how much memory it takes, bytes.
+    pub fn bytes(&self) -> usize {
+        let volumes = self.volumes.iter().flatten().map(PaintableVolume::numbers);
+        // Of each ray two ranges; of each sample a density and a length, two depths.
+        let layout = 4 * self.layout.depths.len() + 8 * self.rays();
+        (volumes.sum::<usize>() + layout) * size_of::<f32>()
     }
 
     /// The same as constants of an autodiff graph, for training `app` on frozen geometry.

@@ -311,7 +311,7 @@ fn chunk_of(device: &Device, most: usize) -> usize {
 
 /// Does something with groups of rays and their numbers: on a CPU many at a time, one thread each;
 /// on a GPU one after the other, each wide enough for all of it.
-fn in_chunks<T: Send>(
+pub(crate) fn in_chunks<T: Send>(
     rays: &RayBatch,
     device: &Device,
     most: usize,
@@ -405,34 +405,62 @@ fn render_chunk(
     appearances: &[&Appearance],
     rays: &RayBatch,
 ) -> RenderedRays {
-    let geometry = field.look(weights, rays, grids, None);
-    let light = geometry.weights();
-    let depth = geometry.median_depth(&light);
-    let needs = |shading| appearances.iter().any(|a| a.config.shading == shading);
-    let samples = needs(Shading::Samples).then(|| geometry.kept(&light, SHADE_LEAST));
-    let surface = needs(Shading::Surface).then(|| geometry.merged(&light));
+    let configs: Vec<_> = appearances.iter().map(|a| &a.config).collect();
+    let seen = Seen::of((field, weights, grids), &configs, rays);
     let mut paintables: Vec<(&AppearanceConfig, Paintable)> = Vec::new();
     let colours = appearances.iter().map(|appearance| {
         let config = &appearance.config;
-        let geometry = match config.shading {
-            Shading::Samples => &samples,
-            Shading::Surface => &surface,
-        };
         // Looks of one model have one configuration.
         if !paintables.iter().any(|(known, _)| *known == config) {
-            let paintable = geometry.clone().map(|geometry| geometry.paintable(config));
-            paintables.extend(paintable.map(|paintable| (config, paintable)));
+            paintables.extend(seen.paintable(config).map(|paintable| (config, paintable)));
         }
-        let paintable = paintables.iter().filter(|(known, _)| *known == config);
-        let pixels: Vec<f32> = paintable
-            .flat_map(|(_, paintable)| host(paintable.composite(appearance)))
-            .collect();
-        let (pixels, _) = pixels.as_chunks::<{ CompositeLayout::outputs(3) }>();
-        let colours = pixels.iter().flat_map(|pixel| &pixel[..3]);
-        colours.map(|c| c.clamp(0.0, 1.0)).collect()
+        let paintable = paintables.iter().find(|(known, _)| *known == config);
+        paintable.map_or_else(Vec::new, |(_, paintable)| colours(paintable, appearance))
     });
     RenderedRays {
         colours: colours.collect(),
-        depth,
+        depth: seen.depth,
     }
+}
+
+/// Rays as appearances see them.
+pub(crate) struct Seen {
+    /// For those that are shaded at samples, and for those that are once per ray and volume.
+    samples: Option<Geometry>,
+    surface: Option<Geometry>,
+    pub(crate) depth: Vec<f32>,
+}
+
+impl Seen {
+    pub(crate) fn of(
+        (field, weights, grids): (&Field, &FieldWeights, &Grids),
+        configs: &[&AppearanceConfig],
+        rays: &RayBatch,
+    ) -> Self {
+        let geometry = field.look(weights, rays, grids, None);
+        let light = geometry.weights();
+        let depth = geometry.median_depth(&light);
+        let needs = |shading| configs.iter().any(|config| config.shading == shading);
+        Self {
+            samples: needs(Shading::Samples).then(|| geometry.kept(&light, SHADE_LEAST)),
+            surface: needs(Shading::Surface).then(|| geometry.merged(&light)),
+            depth,
+        }
+    }
+
+    pub(crate) fn paintable(&self, config: &AppearanceConfig) -> Option<Paintable> {
+        let geometry = match config.shading {
+            Shading::Samples => &self.samples,
+            Shading::Surface => &self.surface,
+        };
+        geometry.clone().map(|geometry| geometry.paintable(config))
+    }
+}
+
+/// `rays × 3` colours in `[0, 1]`.
+pub(crate) fn colours(paintable: &Paintable, appearance: &Appearance) -> Vec<f32> {
+    let pixels = host(paintable.composite(appearance));
+    let (pixels, _) = pixels.as_chunks::<{ CompositeLayout::outputs(3) }>();
+    let colours = pixels.iter().flat_map(|pixel| &pixel[..3]);
+    colours.map(|c| c.clamp(0.0, 1.0)).collect()
 }

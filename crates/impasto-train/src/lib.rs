@@ -5,6 +5,7 @@
 
 pub mod budget;
 mod checkpoint;
+mod coats;
 pub mod config;
 mod durable;
 mod encoder;
@@ -39,6 +40,9 @@ mod validation;
 pub use budget::{Budget, Clock};
 pub use burn::tensor::Device;
 pub use checkpoint::CHECKPOINT_FILE;
+pub use coats::{
+    Coat, CoatError, CoatSpec, Coats, Keep, MaskSpec, PaintingSpec, PreparedView, Shape,
+};
 pub use config::TrainConfig;
 pub use encoder::{
     EncoderCheck, EncoderOptions, EncoderSummary, check_encoder, read_encoder, train_encoder,

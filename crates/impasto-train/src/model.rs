@@ -1,6 +1,7 @@
 //! A trained model as its users see it: looks and rendered views.
 
 use crate::TrainError;
+use crate::coats::Surroundings;
 use crate::model_file::ModelFile;
 use crate::palette::{Palette, Recolouring};
 use crate::rays::CameraRays;
@@ -9,7 +10,8 @@ use burn::tensor::Device;
 use image::RgbImage;
 use impasto_field::render::host;
 use impasto_field::{
-    Appearance, AppearanceConfig, Field, Paintable, RayBatch, prepare_rays, render_rays,
+    Appearance, AppearanceConfig, Field, FieldWeights, Grids, Paintable, RayBatch, RenderedRays,
+    prepare_rays, render_rays,
 };
 use impasto_kernels::CompositeLayout;
 use impasto_scene::{Camera, Split};
@@ -25,6 +27,8 @@ pub struct Model {
     encoder: std::sync::OnceLock<Encoder>,
     /// Rays through the training views, on which looks are measured.
     sample: std::sync::OnceLock<Vec<Paintable>>,
+    pub(crate) photo_palette: std::sync::OnceLock<Palette>,
+    pub(crate) surroundings: std::sync::OnceLock<Surroundings>,
 }
 
 struct Encoder {
@@ -60,9 +64,19 @@ impl Inspiration {
 /// One way to colour the scene.
 #[derive(Debug, Clone)]
 pub struct Look {
-    appearance: Appearance,
+    pub(crate) appearance: Appearance,
     /// Applied to every rendered colour.
     recolouring: Option<Recolouring>,
+}
+
+impl Look {
+    /// Colours as `app` gives them, `rays × 3`, after what is applied to all of them.
+    pub(crate) fn recoloured(&self, colours: Vec<f32>) -> Vec<f32> {
+        match &self.recolouring {
+            Some(recolouring) => recolouring.apply(&colours),
+            None => colours,
+        }
+    }
 }
 
 /// One rendered view.
@@ -107,6 +121,8 @@ impl Model {
             device,
             encoder: std::sync::OnceLock::new(),
             sample: std::sync::OnceLock::new(),
+            photo_palette: std::sync::OnceLock::new(),
+            surroundings: std::sync::OnceLock::new(),
         }
     }
 
@@ -172,6 +188,15 @@ impl Model {
         }
     }
 
+    /// A look with the mean and covariance of a palette over the training views.
+    pub(crate) fn look_in(&self, look: Look, palette: &Palette) -> Look {
+        let recolouring = self.recolouring(&look.appearance, palette, 1.0);
+        Look {
+            recolouring,
+            ..look
+        }
+    }
+
     /// From the colours that an appearance has over the training views towards a palette.
     fn recolouring(
         &self,
@@ -180,18 +205,33 @@ impl Model {
         trust: f32,
     ) -> Option<Recolouring> {
         let sample = self.sample.get_or_init(|| self.sample(&appearance.config));
-        let colours = sample.iter().map(|part| host(part.composite(appearance)));
-        let colours = colours.collect::<Vec<_>>().concat();
-        if colours.is_empty() {
+        if sample.is_empty() {
             return None;
         }
-        let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
-        let found = Palette::of(pixels.iter().map(|pixel| &pixel[..3]));
+        let found = self.palette_of(appearance, sample);
         Some(found.recolouring(palette).softened(trust))
     }
 
+    /// Colours that an appearance has over rays that were prepared for it.
+    pub(crate) fn palette_of(&self, appearance: &Appearance, rays: &[Paintable]) -> Palette {
+        let colours = rays.iter().map(|part| host(part.composite(appearance)));
+        let colours = colours.collect::<Vec<_>>().concat();
+        let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
+        Palette::of(pixels.iter().map(|pixel| &pixel[..3]))
+    }
+
+    /// What rays are rendered with.
+    pub(crate) fn parts(&self) -> (&Field, &FieldWeights, &Grids) {
+        (&self.field, &self.file.weights, &self.file.grids)
+    }
+
+    pub(crate) fn rendered(&self, appearances: &[&Appearance], rays: &RayBatch) -> RenderedRays {
+        let (field, weights, grids) = self.parts();
+        render_rays(field, weights, grids, appearances, rays)
+    }
+
     /// A grid of rays through the training views, in parts; none if there are no views.
-    fn sample(&self, config: &AppearanceConfig) -> Vec<Paintable> {
+    pub(crate) fn sample(&self, config: &AppearanceConfig) -> Vec<Paintable> {
         let photos = &self.file.scene.photos;
         let cameras: Vec<_> = photos.iter().filter(|p| p.split == Split::Train).collect();
         let mut rays = RayBatch::default();
@@ -202,11 +242,10 @@ impl Model {
             rays.origins.extend(all.origins);
             rays.directions.extend(all.directions);
         }
-        let parts = (&self.field, &self.file.weights, &self.file.grids);
         if rays.is_empty() {
             return Vec::new();
         }
-        let mut prepared = prepare_rays(parts, None, (config, 0.0, rays.len()), &rays, 0);
+        let mut prepared = prepare_rays(self.parts(), None, (config, 0.0, rays.len()), &rays, 0);
         prepared.levels.pop().unwrap_or_default()
     }
 
@@ -232,18 +271,9 @@ impl Model {
         let rays = CameraRays::new(camera, None);
         let (width, height) = rays.size();
         let appearances: Vec<&Appearance> = looks.iter().map(|look| &look.appearance).collect();
-        let rendered = render_rays(
-            &self.field,
-            &self.file.weights,
-            &self.file.grids,
-            &appearances,
-            &rays.all(),
-        );
+        let rendered = self.rendered(&appearances, &rays.all());
         let looked = looks.iter().zip(rendered.colours);
-        let pixels = looked.map(|(look, colours)| match &look.recolouring {
-            Some(recolouring) => recolouring.apply(&colours),
-            None => colours,
-        });
+        let pixels = looked.map(|(look, colours)| look.recoloured(colours));
         RenderedView {
             width,
             height,
@@ -256,7 +286,7 @@ impl Model {
 impl RenderedView {
     /// The view on a grid `side` times as coarse: colours are means; a depth is the lower median,
     /// so that it is one that was there and not between a thing and what is behind it.
-    fn reduced(self, side: usize) -> Self {
+    pub(crate) fn reduced(self, side: usize) -> Self {
         if side == 1 {
             return self;
         }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use impasto::scene::Format;
+use impasto::{Keep, MaskSpec};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
@@ -108,6 +109,12 @@ pub struct RenderTable {
     /// From the photos' colours to the style's.
     #[serde(default = "whole", deserialize_with = "strength")]
     pub strength: f32,
+    /// Whose colours the paint has.
+    #[serde(default)]
+    pub keep_color: Keep,
+    /// Where the paint goes.
+    #[serde(default, deserialize_with = "mask")]
+    pub mask: Option<MaskSpec>,
     /// Rays along each side of a pixel.
     #[serde(default = "one", deserialize_with = "supersampling")]
     pub supersampling: u32,
@@ -148,6 +155,11 @@ fn size<'de, D: Deserializer<'de>>(from: D) -> Result<Option<(u32, u32)>, D::Err
 fn strength<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
     let number = f32::deserialize(from)?;
     values::share(&number.to_string()).map_err(D::Error::custom)
+}
+
+fn mask<'de, D: Deserializer<'de>>(from: D) -> Result<Option<MaskSpec>, D::Error> {
+    let text = String::deserialize(from)?;
+    values::mask(&text).map(Some).map_err(D::Error::custom)
 }
 
 /// A whole number from `least` to `most`.
@@ -246,6 +258,7 @@ mod tests {
                 "\"big\"",
             ),
             ("[[render]]\nmodels = []\nstrength = 1.5", "line 3", "1.5"),
+            ("[[render]]\nmodels = []\nmask = \"sky\"", "line 3", "sky"),
             ("[[render]]\nmodels = []\nframes = 0", "line 3", "0 is not"),
             (
                 "[[render]]\nmodels = []\nsupersampling = 5",

@@ -178,6 +178,8 @@ impl ModelWork {
                 settings: RenderSettings {
                     strength: table.strength,
                     supersampling: table.supersampling,
+                    keep: table.keep_color,
+                    mask: table.mask.clone(),
                 },
                 depth: table.depth,
                 items,

@@ -3,14 +3,14 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use impasto::{Device, Look};
+use impasto::{Coat, Device, Look};
 use serde_json::Value;
 
 use super::Report;
 use super::plan::{Group, ModelWork, StyleSource};
 use crate::cli::CliError;
 use crate::cli::progress::Frames;
-use crate::cli::render::{KnownModel, Styles, distinguished, painting, render, views};
+use crate::cli::render::{KnownModel, Styles, distinguished, painting, views};
 use crate::cli::shard::Shard;
 use crate::output::{Contents, Frame, SharedFolder, View};
 
@@ -46,7 +46,8 @@ struct Studio<'a> {
 struct Painted<'a> {
     source: &'a StyleSource,
     distinguished: Option<Value>,
-    look: Option<Look>,
+    /// Nothing before it is made; then the look, or none for the photos' own.
+    look: Option<Option<Look>>,
 }
 
 impl<'a> Painted<'a> {
@@ -83,8 +84,8 @@ impl<'a> Painted<'a> {
                     self.source.name
                 )));
             }
-            let variants = styles.variants(&known.model, None)?;
-            self.look = variants.into_iter().next().map(|variant| variant.look);
+            let looks = styles.looks(&known.model, None)?;
+            self.look = looks.into_iter().next().map(|(_, look)| look);
         }
         Ok(())
     }
@@ -160,14 +161,27 @@ impl Studio<'_> {
         open: &mut [Option<Open>],
         report: &mut Report,
     ) {
-        let looks = missing.iter().map(|&i| group.items[i].style);
-        let looks: Vec<&Look> = looks
-            .filter_map(|style| self.styles[style].look.as_ref())
-            .collect();
-        if looks.is_empty() {
+        if missing.is_empty() {
             return;
         }
-        let rendered = render(&self.known.model, &view.camera, &looks, &group.settings);
+        let model = &self.known.model;
+        let coats = missing.iter().map(|&i| {
+            let look = self.styles[group.items[i].style].look.clone().flatten();
+            look.map(|look| group.settings.coat(model, look))
+                .transpose()
+        });
+        let coats: Vec<Option<Coat>> = match coats.collect::<Result<_, _>>() {
+            Ok(coats) => coats,
+            Err(error) => {
+                for &i in missing {
+                    report.failed(&group.items[i], &error);
+                    open[i] = None;
+                }
+                return;
+            }
+        };
+        let lists: Vec<&[Coat]> = coats.iter().map(Option::as_slice).collect();
+        let rendered = model.render_coats(&view.camera, &lists, group.settings.supersampling);
         for (look, &i) in missing.iter().enumerate() {
             let frame = Frame {
                 view,

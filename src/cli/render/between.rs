@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use image::{Rgb, RgbImage, imageops};
-use impasto::{Inspiration, Look, Model};
+use impasto::{Coat, Inspiration, Look, Model};
 use serde_json::json;
 
 use super::styles::Styles;
-use super::{RenderArgs, render, views};
+use super::{RenderArgs, views};
 use crate::cli::values::clock;
 use crate::cli::{Answer, CliError};
 use crate::output::{check_folder, grid, lettering, parent, picture, write_file};
@@ -34,8 +34,12 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
     let Some(view) = views.first() else {
         return Err(CliError::Refused("there is no such view".into()));
     };
-    let looks: Vec<&Look> = looks.iter().collect();
-    let rendered = render(&model, &view.camera, &looks, &args.settings);
+    let coats = looks
+        .into_iter()
+        .map(|look| Ok([args.settings.coat(&model, look)?]));
+    let coats = coats.collect::<Result<Vec<_>, CliError>>()?;
+    let lists: Vec<&[Coat]> = coats.iter().map(<[Coat; 1]>::as_slice).collect();
+    let rendered = model.render_coats(&view.camera, &lists, args.settings.supersampling);
     let pictures: Vec<RgbImage> = (0..rows * count).map(|i| rendered.image(i)).collect();
     let sheet = labelled(&pictures, count, &names);
     write_file(&args.output, |path| picture::save_png(&sheet, path))?;
@@ -86,7 +90,9 @@ fn read(args: &RenderArgs) -> Result<(Vec<String>, Vec<RgbImage>), CliError> {
     }
     match Styles::read(&args.styles)? {
         Styles::Each(named) => Ok(named.into_iter().unzip()),
-        Styles::Photo | Styles::Mix(_) => refuse("--interpolate takes styles".into()),
+        Styles::Photo | Styles::Mix(_) | Styles::Coats(_) => {
+            refuse("--interpolate takes styles".into())
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use image::RgbImage;
 use impasto::weights::sha256;
-use impasto::{Device, Model};
+use impasto::{CoatSpec, Device, Model};
 use impasto_train::MODEL_FILE;
 use serde_json::{Value, json};
 
@@ -69,6 +69,8 @@ impl KnownModel {
             "styles": styles,
             "strength": settings.strength,
             "supersampling": settings.supersampling,
+            "keep": settings.keep,
+            "mask": settings.mask,
             "depth": depth,
             "frames": views.len(),
             "cameras": hash(cameras.as_bytes()),
@@ -78,8 +80,22 @@ impl KnownModel {
 }
 
 /// What distinguishes styles from others: their names, and the pixels of their paintings with their
-/// weights.
+/// weights; how coats go on each other, too.
 pub fn distinguished(styles: &Styles) -> Value {
+    if let Styles::Coats(coats) = styles {
+        let entry = |(spec, images): &(CoatSpec, Vec<RgbImage>)| {
+            let paintings: Vec<_> = images.iter().map(|image| (image, 1.0)).collect();
+            let weights: Vec<f32> = spec.paintings.iter().map(|p| p.weight).collect();
+            json!({
+                "paintings": mixture(&paintings),
+                "weights": weights,
+                "strength": spec.strength,
+                "keep": spec.keep,
+                "mask": spec.mask,
+            })
+        };
+        return coats.iter().map(entry).collect();
+    }
     let wanted = styles.wanted();
     let entry = |(name, paintings): &(String, Vec<(&RgbImage, f32)>)| json!({"name": name, "paintings": mixture(paintings)});
     wanted.iter().map(entry).collect()

@@ -10,8 +10,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use impasto::scene::Camera;
-use impasto::{Look, Model, RenderedView};
+use impasto::{Coat, Keep, MaskSpec, Model};
 use serde_json::json;
 
 pub use self::job::{KnownModel, distinguished};
@@ -20,16 +19,17 @@ pub use self::views::{FRAMES, ViewSource, views};
 use super::device::DeviceArgs;
 use super::progress::Frames;
 use super::shard::Shard;
-use super::values::{StyleArg, clock, duration, share, size};
+use super::values::{StyleArg, clock, duration, keep, mask, share, size};
 use super::{Answer, CliError};
-use crate::output::{Frame, Target, picture};
+use crate::output::{Frame, Target};
 
 /// Render a model as photographed, or in the style of paintings
 ///
 /// Several styles without weights are rendered side by side from one pass over the geometry: in a
 /// folder each has a sub-folder of its name, a GIF becomes one file per style, and a contact sheet
 /// has one column per style. Styles with weights (IMAGE:0.7) are mixed into one. With --interpolate,
-/// two or four styles span a grid of what lies between them.
+/// two or four styles span a grid of what lies between them. A file of coats, as the studio saves
+/// them, paints several styles over each other, each in a region of its own.
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub struct RenderArgs {
@@ -38,6 +38,9 @@ pub struct RenderArgs {
     /// A painting, with a weight to mix several (IMAGE:0.7); may be repeated
     #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
     styles: Vec<StyleArg>,
+    /// Coats of paint, one over the other, in place of styles: a JSON file as the studio saves it
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "strength", "keep", "mask", "refine", "interpolate"])]
+    coats: Option<PathBuf>,
     #[command(flatten)]
     settings: RenderSettings,
     /// Let each style's look go on learning from its painting for this long, e.g. 15s, so that it
@@ -72,11 +75,20 @@ pub struct RenderArgs {
 }
 
 /// How views are rendered.
-#[derive(Debug, Clone, Copy, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct RenderSettings {
     /// From the photos' colours (0) to the style's (1)
     #[arg(long, value_name = "0..1", default_value = "1", value_parser = share, requires = "styles")]
     pub strength: f32,
+    /// Keep the scene's colours: only lightness is the painting's (luminance, if nothing else is
+    /// said), or the paint is moved to the mean and contrast of the scene's own colours (palette)
+    #[arg(long = "keep-color", alias = "keep-colour", value_name = "luminance|palette", value_parser = keep,
+          num_args = 0..=1, default_missing_value = "luminance", default_value = "none", hide_default_value = true, requires = "styles")]
+    pub keep: Keep,
+    /// Paint only there: near, far, depth:FROM..TO, box:X,Y,Z,X,Y,Z, sphere:X,Y,Z,RADIUS or
+    /// surface:X,Y,Z[,TOLERANCE], in scene units; not:SHAPE is everywhere else
+    #[arg(long, value_name = "SHAPE", value_parser = mask, requires = "styles", allow_hyphen_values = true)]
+    pub mask: Option<MaskSpec>,
     /// Rays along each side of a pixel: 2 takes four times as long and flickers less
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4))]
     pub supersampling: u32,
@@ -85,30 +97,22 @@ pub struct RenderSettings {
 /// One picture per view is made of each variant.
 pub struct Variant {
     name: String,
-    /// How it colours the scene.
-    pub look: Look,
+    /// How the scene is painted.
+    pub coats: Vec<Coat>,
 }
 
-/// Renders a view with every look, moved towards the photo's where `--strength` is below 1.
-pub fn render(
-    model: &Model,
-    camera: &Camera,
-    looks: &[&Look],
-    settings: &RenderSettings,
-) -> RenderedView {
-    let (strength, side) = (settings.strength, settings.supersampling);
-    if strength >= 1.0 {
-        return model.render_smooth(camera, looks, side);
-    }
-    let photo = model.photo_look();
-    let looks = [looks, &[&photo]].concat();
-    let mut rendered = model.render_smooth(camera, &looks, side);
-    if let Some(photo) = rendered.pixels.pop() {
-        for styled in &mut rendered.pixels {
-            picture::blend(&photo, styled, strength);
+impl RenderArgs {
+    fn read_styles(&self) -> Result<Styles, CliError> {
+        match &self.coats {
+            Some(path) => Styles::read_coats(path),
+            None => Styles::read(&self.styles),
         }
     }
-    rendered
+}
+
+/// What variants paint a view with.
+pub fn coats(variants: &[Variant]) -> Vec<&[Coat]> {
+    variants.iter().map(|v| v.coats.as_slice()).collect()
 }
 
 /// Runs the command.
@@ -121,19 +125,19 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
         return sharded::run(args, shard, start);
     }
     let target = Target::new(&args.output, args.depth)?;
-    let styles = Styles::read(&args.styles)?;
+    let styles = args.read_styles()?;
     target.check()?;
     let model = Model::load_on(&args.model, args.device.open()?)?;
-    let variants = styles.variants(&model, args.refine)?;
+    let variants = styles.variants(&model, args.refine, &args.settings)?;
     let names: Vec<String> = variants.iter().map(|v| v.name.clone()).collect();
     let views = views(&model, &args.views, args.size, args.frames)?;
 
-    let looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
+    let coats = coats(&variants);
     let synthetic = model.file.scene.synthetic;
     let mut sink = target.open(&names, synthetic)?;
     let mut progress = Frames::new(views.len());
     for view in &views {
-        let rendered = render(&model, &view.camera, &looks, &args.settings);
+        let rendered = model.render_coats(&view.camera, &coats, args.settings.supersampling);
         sink.add(Frame {
             view,
             pictures: (0..variants.len())

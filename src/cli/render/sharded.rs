@@ -2,12 +2,12 @@
 
 use std::time::Instant;
 
-use impasto::{Look, Model};
+use impasto::Model;
 use serde_json::json;
 
 use super::job::{KnownModel, distinguished};
 use super::styles::Styles;
-use super::{RenderArgs, render, views};
+use super::{RenderArgs, coats, views};
 use crate::cli::progress::Frames;
 use crate::cli::shard::Shard;
 use crate::cli::values::clock;
@@ -31,7 +31,7 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
             args.output.display()
         )));
     }
-    let styles = Styles::read(&args.styles)?;
+    let styles = args.read_styles()?;
     let known = KnownModel::load(&args.model, args.device.open()?)?;
     let model = &known.model;
     let views = views(model, &args.views, args.size, args.frames)?;
@@ -109,13 +109,13 @@ fn fill(
     if missing.is_empty() {
         return Ok(());
     }
-    let variants = styles.variants(model, None)?;
-    let looks: Vec<&Look> = variants.iter().map(|v| &v.look).collect();
+    let variants = styles.variants(model, None, &args.settings)?;
+    let coats = coats(&variants);
     let mut progress = Frames::new(missing.len());
     for &number in missing {
         let view = &views[number];
-        let rendered = render(model, &view.camera, &looks, &args.settings);
-        let pictures = (0..looks.len()).map(|look| rendered.image(look)).collect();
+        let rendered = model.render_coats(&view.camera, &coats, args.settings.supersampling);
+        let pictures = (0..coats.len()).map(|i| rendered.image(i)).collect();
         let frame = Frame {
             view,
             pictures,

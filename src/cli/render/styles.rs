@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use image::RgbImage;
 use impasto::eval::EvalError;
+use impasto::scene::file::read_text;
 use impasto::scene::{SceneError, read_rgb};
-use impasto::{Budget, Inspiration, Look, Model, Refinement};
+use impasto::{Budget, Coat, CoatSpec, Coats, Inspiration, Look, Model, Refinement};
 
-use super::Variant;
+use super::{RenderSettings, Variant};
 use crate::cli::CliError;
 use crate::cli::progress::Share;
 use crate::cli::values::StyleArg;
@@ -22,6 +23,8 @@ pub enum Styles {
     Each(Vec<(String, RgbImage)>),
     /// All in one, by their weights.
     Mix(Vec<(RgbImage, f32)>),
+    /// One over the other, each with its paintings.
+    Coats(Vec<(CoatSpec, Vec<RgbImage>)>),
 }
 
 impl Styles {
@@ -48,6 +51,30 @@ impl Styles {
         })
     }
 
+    /// Reads a file of coats and their paintings, whose paths are relative to it.
+    pub fn read_coats(path: &Path) -> Result<Self, CliError> {
+        let text = read_text(path).map_err(CliError::read(path))?;
+        let wrong = |problem: String| CliError::CoatsFile {
+            path: path.to_owned(),
+            problem,
+        };
+        let coats: Coats = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        coats.check().map_err(|error| wrong(error.to_string()))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let read = |coat: CoatSpec| {
+            let paintings = coat.paintings.iter();
+            let paintings = paintings.map(|one| painting(&folder.join(&one.painting)));
+            Ok((coat.clone(), paintings.collect::<Result<_, CliError>>()?))
+        };
+        Ok(Self::Coats(
+            coats
+                .coats
+                .into_iter()
+                .map(read)
+                .collect::<Result<_, CliError>>()?,
+        ))
+    }
+
     fn weightless() -> CliError {
         CliError::Usage("at least one --style needs a weight above 0".into())
     }
@@ -57,19 +84,35 @@ impl Styles {
         matches!(self, Self::Photo)
     }
 
-    /// The looks that the model gives them, each refined for so long.
+    /// The looks that the model gives them, each refined for so long, put on as the settings say.
     pub fn variants(
         &self,
         model: &Model,
         refine: Option<Duration>,
+        settings: &RenderSettings,
     ) -> Result<Vec<Variant>, CliError> {
+        if let Self::Coats(specs) = self {
+            return coated(model, specs);
+        }
+        let variants = self.looks(model, refine)?.into_iter().map(|(name, look)| {
+            let coat = look.map(|look| settings.coat(model, look)).transpose()?;
+            Ok(Variant {
+                name,
+                coats: coat.into_iter().collect(),
+            })
+        });
+        variants.collect()
+    }
+
+    /// The names of the variants, and the looks that the model gives them; none for the photos' own.
+    pub fn looks(
+        &self,
+        model: &Model,
+        refine: Option<Duration>,
+    ) -> Result<Vec<(String, Option<Look>)>, CliError> {
         let wanted = self.wanted();
         if self.is_empty() {
-            let named = wanted.into_iter().map(|(name, _)| Variant {
-                name,
-                look: model.photo_look(),
-            });
-            return Ok(named.collect());
+            return Ok(wanted.into_iter().map(|(name, _)| (name, None)).collect());
         }
         let looks = match refine {
             Some(time) => refined(model, &wanted, time)?,
@@ -79,10 +122,7 @@ impl Styles {
             }
         };
         let names = wanted.into_iter().map(|(name, _)| name);
-        let variants = names.zip(looks);
-        Ok(variants
-            .map(|(name, look)| Variant { name, look })
-            .collect())
+        Ok(names.zip(looks.into_iter().map(Some)).collect())
     }
 
     /// Names of the variants, each with the paintings that it is made from by weight; the photos'
@@ -99,8 +139,32 @@ impl Styles {
                 let all = images.iter().map(|(image, weight)| (image, *weight));
                 vec![("mix".into(), all.collect())]
             }
+            Self::Coats(specs) => {
+                let all = specs.iter().flat_map(|(spec, images)| {
+                    let weights = spec.paintings.iter().map(|painting| painting.weight);
+                    images.iter().zip(weights)
+                });
+                vec![("coats".into(), all.collect())]
+            }
         }
     }
+}
+
+/// All coats, one over the other.
+fn coated(model: &Model, specs: &[(CoatSpec, Vec<RgbImage>)]) -> Result<Vec<Variant>, CliError> {
+    let coats = specs.iter().map(|(spec, images)| {
+        let weights = spec.paintings.iter().map(|painting| painting.weight);
+        let inspirations = images
+            .iter()
+            .zip(weights)
+            .map(|(image, weight)| Ok((model.inspiration(image)?, weight)))
+            .collect::<Result<Vec<_>, CliError>>()?;
+        Ok(model.coat(spec, &inspirations)?)
+    });
+    Ok(vec![Variant {
+        name: "coats".into(),
+        coats: coats.collect::<Result<_, CliError>>()?,
+    }])
 }
 
 /// The look that a model predicts for paintings mixed by weight.
@@ -133,6 +197,13 @@ fn refined(
         looks.push(look.ok_or_else(Styles::weightless)?);
     }
     Ok(looks)
+}
+
+impl RenderSettings {
+    /// A look, put on as they say.
+    pub fn coat(&self, model: &Model, look: Look) -> Result<Coat, CliError> {
+        Ok(model.coat_of(look, self.strength, self.keep, self.mask.as_ref())?)
+    }
 }
 
 /// Reads one style image.

@@ -74,7 +74,7 @@ pub(crate) fn extract(
             .set_one_of(&EXTRACT_GPU, "0", log)?
             .set_if_known(&EXTRACT_THREADS, threads.to_string());
         for option in SURFACES {
-            run.set_if_known(&[option], "1");
+            run.set_if_known(&[option], "1".into());
         }
         colmap.succeed(&run, log, &mut |line| match told(line) {
             Some(Told::Photo) => {

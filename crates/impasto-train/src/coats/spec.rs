@@ -1,0 +1,210 @@
+//! What coats are made from, as JSON.
+
+use super::mask::MaskSpec;
+use serde::{Deserialize, Serialize};
+
+/// Most coats of a scene, and most paintings of a coat: each is rendered.
+const MOST: usize = 16;
+
+/// Whose colours a coat has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Keep {
+    /// The painting's.
+    #[default]
+    None,
+    /// The scene's; only how light they are is the painting's.
+    Luminance,
+    /// The paint's, moved by one linear map to the mean and covariance of the scene's over the
+    /// training views.
+    Palette,
+}
+
+/// A painting that a coat is made from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaintingSpec {
+    /// What whoever resolves it knows it by: a file, `random:SEED`, an upload.
+    pub painting: String,
+    /// Its share in the mix, relative to the others'.
+    #[serde(default = "one")]
+    pub weight: f32,
+}
+
+/// One coat.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoatSpec {
+    /// Mixed by weight in the space of style codes; at least one.
+    pub paintings: Vec<PaintingSpec>,
+    /// From what is below (0) to the paint (1).
+    #[serde(default = "one")]
+    pub strength: f32,
+    /// Whose colours it has.
+    #[serde(default)]
+    pub keep: Keep,
+    /// Where it goes; everywhere without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<MaskSpec>,
+}
+
+/// A whole painted scene: the first coat is undermost.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coats {
+    /// None: the scene as photographed.
+    pub coats: Vec<CoatSpec>,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+/// Why coats cannot be put on.
+#[derive(Debug, thiserror::Error)]
+pub enum CoatError {
+    /// A value that makes no sense.
+    #[error("coat {number}: {problem}")]
+    Value {
+        /// Its number, the undermost is 1.
+        number: usize,
+        /// What is wrong and what would be right.
+        problem: String,
+    },
+    /// More than anybody paints.
+    #[error("{0} coats are too many; the most is {MOST}")]
+    TooMany(usize),
+    /// The model knows no paint.
+    #[error(
+        "this model has no style stage yet: it can only be shown as photographed; train it with --styles"
+    )]
+    Unstyled,
+    /// A surface was asked for where there is none.
+    #[error("there is no surface at ({}, {}, {}); choose a point on one, in scene units", .0[0], .0[1], .0[2])]
+    NoSurface([f32; 3]),
+}
+
+impl Coats {
+    /// Whether all values make sense.
+    ///
+    /// # Errors
+    /// [`CoatError::Value`] of the first one that does not.
+    pub fn check(&self) -> Result<(), CoatError> {
+        if self.coats.len() > MOST {
+            return Err(CoatError::TooMany(self.coats.len()));
+        }
+        self.coats.iter().enumerate().try_for_each(|(i, coat)| {
+            coat.check().map_err(|problem| CoatError::Value {
+                number: i + 1,
+                problem,
+            })
+        })
+    }
+}
+
+impl CoatSpec {
+    fn check(&self) -> Result<(), String> {
+        let count = self.paintings.len();
+        if count == 0 || count > MOST {
+            return Err(format!("it has {count} paintings; use 1 to {MOST}"));
+        }
+        let weights = || self.paintings.iter().map(|painting| painting.weight);
+        if let Some(wrong) = weights().find(|weight| !(0.0..=1e6).contains(weight)) {
+            return Err(format!(
+                "a weight of {wrong} is not possible; use 0 or more"
+            ));
+        }
+        if weights().all(|weight| weight == 0.0) {
+            return Err("all its paintings have weight 0; give at least one more".into());
+        }
+        if !(0.0..=1.0).contains(&self.strength) {
+            return Err(format!(
+                "a strength of {} is not possible; use 0 to 1",
+                self.strength
+            ));
+        }
+        self.mask.as_ref().map_or(Ok(()), MaskSpec::check)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Shape;
+    use super::*;
+
+    fn read(json: &str) -> Result<Coats, String> {
+        let coats: Coats = serde_json::from_str(json).map_err(|error| error.to_string())?;
+        coats.check().map_err(|error| error.to_string())?;
+        Ok(coats)
+    }
+
+    #[test]
+    fn the_documented_form_is_read_and_written() {
+        let documented = r#"{"coats": [{
+            "paintings": [{"painting": "a.jpg", "weight": 0.5}, {"painting": "random:42"}],
+            "strength": 0.8, "keep": "luminance",
+            "mask": {"shape": {"sphere": {"centre": [0, 0, 0.2], "radius": 0.4}}, "inverted": true}},
+            {"paintings": [{"painting": "b"}], "mask": {"shape": "near"}},
+            {"paintings": [{"painting": "b"}], "mask": {"shape": {"depth": {"from": 0.2}}}}]}"#;
+        let coats = read(documented).unwrap();
+        assert_eq!(coats.coats[0].paintings[1].weight, 1.0);
+        assert_eq!(
+            (coats.coats[0].keep, coats.coats[1].keep),
+            (Keep::Luminance, Keep::None)
+        );
+        let shape = |i: usize| coats.coats[i].mask.as_ref().map(|mask| mask.shape.clone());
+        assert_eq!(shape(1), Some(Shape::Near));
+        assert_eq!(
+            shape(2),
+            Some(Shape::Depth {
+                from: 0.2,
+                to: None
+            })
+        );
+        let written = serde_json::to_string(&coats).unwrap();
+        assert_eq!(read(&written).unwrap(), coats);
+    }
+
+    #[test]
+    fn values_without_sense_are_refused_with_their_coat() {
+        let painting = r#""paintings": [{"painting": "a"}]"#;
+        for (coat, said) in [
+            (r#""paintings": []"#.to_owned(), "0 paintings"),
+            (
+                r#""paintings": [{"painting": "a", "weight": -1}]"#.into(),
+                "weight of -1",
+            ),
+            (
+                r#""paintings": [{"painting": "a", "weight": 0}]"#.into(),
+                "weight 0",
+            ),
+            (format!(r#"{painting}, "strength": 1.5"#), "strength of 1.5"),
+            (format!(r#"{painting}, "colour": 1"#), "unknown field"),
+            (
+                format!(r#"{painting}, "mask": {{"shape": "sky"}}"#),
+                "unknown variant",
+            ),
+            (
+                format!(
+                    r#"{painting}, "mask": {{"shape": {{"sphere": {{"centre": [0,0,0], "radius": 0}}}}}}"#
+                ),
+                "radius of 0",
+            ),
+            (
+                format!(
+                    r#"{painting}, "mask": {{"shape": {{"box": {{"min": [0,0,0], "max": [1,0,1]}}}}}}"#
+                ),
+                "box",
+            ),
+            (
+                format!(r#"{painting}, "mask": {{"shape": {{"depth": {{"from": 2, "to": 1}}}}}}"#),
+                "depth",
+            ),
+        ] {
+            let error = read(&format!(r#"{{"coats": [{{{coat}}}]}}"#)).unwrap_err();
+            assert!(error.contains(said), "{error} / {said}");
+        }
+        let many = vec![format!("{{{painting}}}"); MOST + 1].join(",");
+        assert!(read(&format!(r#"{{"coats": [{many}]}}"#)).is_err());
+    }
+}
