@@ -7,6 +7,7 @@ mod demo;
 mod device;
 mod error;
 mod eval;
+mod export;
 mod info;
 mod interrupt;
 mod methods;
@@ -53,6 +54,7 @@ enum Command {
     Batch(batch::BatchArgs),
     Eval(eval::EvalArgs),
     Study(study::StudyArgs),
+    Export(export::ExportArgs),
     Info(info::InfoArgs),
     Weights(weights::WeightsArgs),
     Bench(bench::BenchArgs),
@@ -93,6 +95,7 @@ pub fn main() -> ExitCode {
         Command::Batch(args) => batch::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Study(args) => study::run(args),
+        Command::Export(args) => export::run(args),
         Command::Info(args) => info::run(args),
         Command::Weights(args) => weights::run(args),
         Command::Bench(args) => bench::run(args),

@@ -3,9 +3,9 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::ExportError;
 use crate::surface::{Sample, agree, samples, tolerance};
 use crate::views::{Seen, Views, Watch};
-use crate::ExportError;
 
 /// A point of this spacing, in pixels, hides the need for others up to this far away: a square
 /// lattice's farthest places are 0.71 away.
@@ -67,7 +67,10 @@ pub(crate) fn cloud(
     }
     let kept = surfels.par_iter().filter(|surfel| {
         let views = views.seen.iter().zip(&seen);
-        is_supported(surfel, views.map(|(view, samples)| (view, samples.as_slice())))
+        is_supported(
+            surfel,
+            views.map(|(view, samples)| (view, samples.as_slice())),
+        )
     });
     let surfels: Vec<Surfel> = kept.copied().collect();
     match surfels.iter().any(|surfel| !surfel.sky) {
@@ -96,7 +99,10 @@ fn merge(surfels: &mut Vec<Surfel>, view: &Seen, samples: &[Sample], options: &C
         x % sky == sky / 2 && y % sky == sky / 2
     };
     let all = 0..samples.len();
-    let mut order: Vec<usize> = all.clone().filter(|i| samples[*i].sky && sky_lattice(i)).collect();
+    let mut order: Vec<usize> = all
+        .clone()
+        .filter(|i| samples[*i].sky && sky_lattice(i))
+        .collect();
     order.extend(all.clone().filter(lattice));
     order.extend(all);
     for i in order {

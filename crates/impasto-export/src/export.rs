@@ -114,7 +114,10 @@ pub fn export_splats(
     drop(surfels);
     let psnr = fit(&mut splats, views, (MERGED, FITTED), watch)?;
     watch.at("write", FITTED)?;
-    let comments = comments(views, "3-D Gaussian splats, colours without view dependence");
+    let comments = comments(
+        views,
+        "3-D Gaussian splats, colours without view dependence",
+    );
     let scale = (1.0 / views.normalisation.scale) as f32;
     let bytes = ply::write(path, &comments, &SPLAT, splats.len(), |i, row| {
         let splat = &splats[i];

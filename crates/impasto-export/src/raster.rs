@@ -57,10 +57,8 @@ fn blob(lens: &Lens, splat: &Splat, index: u32) -> Option<Blob> {
     let reach = (radius * Vec2::new(xx, yy)).map(f32::sqrt);
     let middle = lens.onto(local);
     let seen = middle + reach;
-    let outside = seen.x < 0.0
-        || seen.y < 0.0
-        || middle.x - reach.x > size.x
-        || middle.y - reach.y > size.y;
+    let outside =
+        seen.x < 0.0 || seen.y < 0.0 || middle.x - reach.x > size.x || middle.y - reach.y > size.y;
     (determinant > 0.0 && !outside).then_some(Blob {
         splat: index,
         depth: local.z,
@@ -157,17 +155,6 @@ fn in_bands<T: Send>(
     numbered
         .map(|(i, list)| work(Band::new(lens, i * BAND), list))
         .collect()
-}
-
-/// The picture, row by row, on black.
-pub(crate) fn picture(lens: &Lens, splats: &[Splat]) -> Vec<Vec3> {
-    let bands = in_bands(lens, splats, |mut band, blobs| {
-        for blob in blobs {
-            band.draw(blob, &splats[blob.splat as usize], |_, _, _, _| {});
-        }
-        band.colours
-    });
-    bands.concat()
 }
 
 /// What a picture says of the splats on it.

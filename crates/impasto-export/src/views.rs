@@ -1,9 +1,9 @@
 //! The pictures and depths that clouds are made of.
 
 use glam::{Mat3, Vec2, Vec3};
-use impasto_scene::camera::Distortion;
-use impasto_scene::{Camera, Normalisation, Split};
-use impasto_train::{ModelScene, Stop};
+
+use impasto_scene::{Camera, Distortion, Normalisation, Split};
+use impasto_train::{Coat, Model, ModelScene, Stop};
 
 use crate::ExportError;
 
@@ -100,6 +100,26 @@ impl Views {
             normalisation: scene.normalisation,
             seen,
         })
+    }
+
+    /// Looks at a model that is painted with these coats; without any, as photographed.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn of_model(
+        model: &Model,
+        coats: &[Coat],
+        options: &ViewOptions,
+        watch: &mut Watch<'_>,
+    ) -> Result<Self, ExportError> {
+        let mut look = |camera: &Camera| {
+            let mut rendered = model.render_coats(camera, &[coats], 1);
+            View {
+                colours: rendered.pixels.pop().unwrap_or_default(),
+                depth: rendered.depth,
+            }
+        };
+        Self::of(&model.file.scene, options, &mut look, watch)
     }
 
     /// How many there are.
