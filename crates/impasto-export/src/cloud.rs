@@ -16,7 +16,7 @@ const TOO_COARSE: f32 = 2.0;
 /// points no longer than this says.
 const LEAST_COSINE: f32 = 0.25;
 /// Spacing of points on the sky, in pixels: it has little detail.
-const SKY_SPACING: f32 = 4.0;
+const SKY_SPACING: f32 = 3.0;
 /// Other views contradict a point if they see this many tolerances behind it.
 const CLEARLY: f32 = 2.0;
 

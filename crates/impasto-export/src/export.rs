@@ -15,7 +15,7 @@ use crate::views::{RENDERED, Views, Watch};
 const HARMONIC: f32 = 0.282_094_8;
 /// Distance between points, and between splats, in pixels of the views.
 const POINT_SPACING: f32 = 1.0;
-const SPLAT_SPACING: f32 = 1.0;
+const SPLAT_SPACING: f32 = 2.0;
 /// Shares of the time at which points are merged, and splats are fitted.
 const MERGED: f64 = 0.75;
 const FITTED: f64 = 0.98;
