@@ -186,8 +186,8 @@ fn what_is_not_there_yet_is_said_plainly() {
     let folder = tempfile::tempdir().unwrap();
     refused(
         folder.path(),
-        "render m -o clip.mp4",
-        &["mp4", "not supported yet", ".gif"],
+        "render m -o clip.avi",
+        &["avi", "not supported", ".mp4", ".gif"],
     );
     refused(
         folder.path(),

@@ -121,6 +121,31 @@ pub enum CliError {
         /// The system's reason.
         source: io::Error,
     },
+    /// Films need a program that is not there.
+    #[error(
+        "{}: such films are made by ffmpeg, which cannot be started as \"{}\" ({}); install it \
+         (Debian: apt install ffmpeg), name its program in IMPASTO_FFMPEG, or use .gif",
+        path.display(), program.display(), plainly(source)
+    )]
+    NoFfmpeg {
+        /// The film.
+        path: PathBuf,
+        /// Where it was looked for.
+        program: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// ffmpeg gave up on a film.
+    #[error("{}: ffmpeg failed (\"{said}\"); use another --size, another format or .gif", path.display())]
+    Ffmpeg {
+        /// The film.
+        path: PathBuf,
+        /// Its last line.
+        said: String,
+    },
+    /// Somebody asked for an end.
+    #[error("stopped; nothing was written")]
+    Stopped,
     /// A picture cannot be encoded.
     #[error("cannot write the picture {}: {source}", path.display())]
     Encode {

@@ -7,13 +7,9 @@ use super::console::note;
 /// Exit code of programs that an interruption ended.
 const INTERRUPTED: i32 = 130;
 
-/// A stop that is requested by the first interruption; the second one leaves at once.
-pub fn stop() -> Stop {
-    stop_saying("stopping after this step; once more leaves at once, with the last checkpoint")
-}
-
-/// The same, with what is said then.
-pub fn stop_saying(what: &'static str) -> Stop {
+/// A stop that is requested by the first interruption; the second one leaves at once. `saying` tells
+/// which of both does what.
+pub fn stop(saying: &'static str) -> Stop {
     let stop = Stop::default();
     let requested = stop.clone();
     let handled = ctrlc::set_handler(move || {
@@ -21,7 +17,7 @@ pub fn stop_saying(what: &'static str) -> Stop {
             std::process::exit(INTERRUPTED);
         }
         requested.request();
-        note(format_args!("\n{what}"));
+        note(format_args!("\n{saying}"));
     });
     // Without a handler an interruption ends the program, as it always did.
     drop(handled);

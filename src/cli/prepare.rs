@@ -7,6 +7,7 @@ use impasto::prepare::{
     Cameras, LensGroup, Matching, PrepareOptions, PrepareSummary, Seconds, prepare,
 };
 
+use super::ffmpeg::FfmpegArgs;
 use super::values::clock;
 use super::{Answer, CliError, progress};
 
@@ -44,14 +45,8 @@ pub struct PrepareArgs {
         default_value = "colmap"
     )]
     colmap: PathBuf,
-    /// ffmpeg's program, for videos
-    #[arg(
-        long,
-        value_name = "PROGRAM",
-        env = "IMPASTO_FFMPEG",
-        default_value = "ffmpeg"
-    )]
-    ffmpeg: PathBuf,
+    #[command(flatten)]
+    ffmpeg: FfmpegArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -91,7 +86,7 @@ pub fn run(args: &PrepareArgs) -> Result<Answer, CliError> {
             CamerasArg::Many => Cameras::Many,
         },
         colmap: args.colmap.clone(),
-        ffmpeg: args.ffmpeg.clone(),
+        ffmpeg: args.ffmpeg.program.clone(),
     };
     let mut progress = progress::Preparing::default();
     let summary = prepare(&options, &mut |event| progress.show(event))?;

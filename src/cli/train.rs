@@ -129,6 +129,10 @@ impl BudgetArgs {
     }
 }
 
+/// What an interruption does.
+const STOPPING: &str =
+    "stopping after this step; once more leaves at once, with the last checkpoint";
+
 /// Runs the command.
 pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
     let preset = args.preset.config();
@@ -161,7 +165,7 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
                 Unfinished::Keep
             },
             every: args.checkpoint_every,
-            stop: interrupt::stop(),
+            stop: interrupt::stop(STOPPING),
         },
     };
     let summary = watched(&options)?;

@@ -1,7 +1,5 @@
 //! Values of arguments that are more than a word or a number.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::time::Duration;
 
 use impasto::{Keep, MaskSpec, Shape};
@@ -80,6 +78,17 @@ pub fn size(text: &str) -> Result<(u32, u32), String> {
         .ok_or_else(|| {
             format!("\"{text}\" is not a size; write WIDTHxHEIGHT in pixels, each from 1 to {LONGEST_SIDE}")
         })
+}
+
+/// Reads frames a second, above 0.
+pub fn fps(text: &str) -> Result<f64, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|n| (0.0..1e4).contains(n) && *n > 0.0);
+    number.ok_or_else(|| {
+        format!("\"{text}\" is no number of frames a second; write one like 24 or 12.5")
+    })
 }
 
 /// Reads a number from 0 to 1.
@@ -164,45 +173,6 @@ pub fn mask(text: &str) -> Result<MaskSpec, String> {
     let mask = MaskSpec { shape, inverted };
     mask.check()?;
     Ok(mask)
-}
-
-/// A style image, `IMAGE` or `IMAGE:WEIGHT`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StyleArg {
-    /// The image's file.
-    pub path: PathBuf,
-    /// Its share in a mix.
-    pub weight: Option<f32>,
-}
-
-impl FromStr for StyleArg {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let split = text
-            .rsplit_once(':')
-            .and_then(|(path, weight)| Some((path, weight.parse().ok()?)));
-        match split {
-            // A file may really be called like that.
-            Some(_) if Path::new(text).is_file() => {}
-            Some((_, weight)) if !f32::is_finite(weight) || weight < 0.0 => {
-                return Err(format!(
-                    "the weight in \"{text}\" must be a number that is not negative"
-                ));
-            }
-            Some((path, weight)) => {
-                return Ok(Self {
-                    path: path.into(),
-                    weight: Some(weight),
-                });
-            }
-            None => {}
-        }
-        Ok(Self {
-            path: text.into(),
-            weight: None,
-        })
-    }
 }
 
 #[cfg(test)]
@@ -304,16 +274,16 @@ mod tests {
     }
 
     #[test]
-    fn shares_end_at_one() {
-        assert_eq!(share("0.5"), Ok(0.5));
-        assert!(share("1.1").is_err() && share("NaN").is_err());
+    fn films_have_frames() {
+        assert_eq!((fps("24"), fps("12.5")), (Ok(24.0), Ok(12.5)));
+        for wrong in ["0", "-3", "NaN", "inf", "fast", ""] {
+            assert!(fps(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]
-    fn a_style_may_carry_a_weight() {
-        let style = |text: &str| text.parse::<StyleArg>().map(|s| (s.path, s.weight));
-        assert_eq!(style("a.png:0.5"), Ok(("a.png".into(), Some(0.5))));
-        assert_eq!(style("C:\\a.png"), Ok(("C:\\a.png".into(), None)));
-        assert!(style("a.png:-1").is_err() && style("a.png:inf").is_err());
+    fn shares_end_at_one() {
+        assert_eq!(share("0.5"), Ok(0.5));
+        assert!(share("1.1").is_err() && share("NaN").is_err());
     }
 }

@@ -6,24 +6,31 @@ use std::path::{Path, PathBuf};
 use impasto::scene::npy;
 use serde_json::{Value, json};
 
-use super::{Frame, Sink, Staging, View, picture};
+use super::{Frame, Layout, Sink, Staging, View, picture};
 use crate::cli::CliError;
 
 /// The file that says where the frames were seen from.
 pub const CAMERAS: &str = "cameras.json";
 
+/// Name of a frame's picture.
+pub fn name(frame: usize) -> String {
+    format!("{frame:04}.png")
+}
+
 /// Names of a frame's files.
 pub fn names(frame: usize, depth: bool) -> Vec<String> {
-    let mut names = vec![format!("{frame:04}.png")];
+    let mut names = vec![name(frame)];
     if depth {
         names.push(format!("{frame:04}.depth.npy"));
     }
     names
 }
 
-/// The text of `cameras.json`.
+/// The text of `cameras.json`. Where several pictures are side by side on one, `side_by_side` there
+/// names them from the left; each is `w` pixels wide.
 pub fn cameras<'a>(
     views: impl IntoIterator<Item = &'a View>,
+    layout: &Layout,
     depth: bool,
     synthetic: bool,
 ) -> String {
@@ -38,7 +45,11 @@ pub fn cameras<'a>(
         entry
     };
     let frames: Vec<Value> = views.into_iter().enumerate().map(entry).collect();
-    format!("{:#}\n", json!({"synthetic": synthetic, "frames": frames}))
+    let mut text = json!({"synthetic": synthetic, "frames": frames});
+    if let Layout::SideBySide(names) = layout {
+        text["side_by_side"] = names.as_slice().into();
+    }
+    format!("{text:#}\n")
 }
 
 /// `0000.png …`, `0000.depth.npy …` and `cameras.json`; with several variants, all of that in one
@@ -48,6 +59,7 @@ pub struct Folder {
     staging: Staging,
     /// Sub-folders, empty for the folder itself.
     variants: Vec<PathBuf>,
+    layout: Layout,
     depth: bool,
     synthetic: bool,
     views: Vec<View>,
@@ -57,17 +69,18 @@ impl Folder {
     /// Begins to write to `path`.
     pub fn new(
         path: &Path,
-        variants: &[String],
+        layout: Layout,
         depth: bool,
         synthetic: bool,
     ) -> Result<Self, CliError> {
         Ok(Self {
             path: path.to_owned(),
             staging: Staging::new(path)?,
-            variants: match variants {
+            variants: match layout.variants() {
                 [] | [_] => vec![PathBuf::new()],
                 several => several.iter().map(PathBuf::from).collect(),
             },
+            layout,
             depth,
             synthetic,
             views: Vec::new(),
@@ -97,7 +110,7 @@ impl Sink for Folder {
     }
 
     fn finish(mut self: Box<Self>) -> Result<Vec<PathBuf>, CliError> {
-        let text = cameras(&self.views, self.depth, self.synthetic);
+        let text = cameras(&self.views, &self.layout, self.depth, self.synthetic);
         for variant in 0..self.variants.len() {
             let path = self.stage(variant, CAMERAS)?;
             fs::write(&path, &text).map_err(CliError::write(&path))?;

@@ -1,20 +1,24 @@
 //! Pictures, films and folders of frames, written as a whole or not at all; where several processes
 //! share a folder, file by file.
 
+mod archive;
 mod atomic;
 mod film;
 mod folder;
 pub mod grid;
 pub mod job;
+mod layout;
 pub mod lettering;
 pub mod picture;
 mod shared;
 mod sheet;
 mod staging;
+mod zip;
 
 pub use atomic::put;
-pub use film::Film;
+pub use film::{Ffmpeg, FilmFormat, FilmOptions, Gif};
 pub use folder::cameras;
+pub use layout::Layout;
 pub use shared::{Contents, SharedFolder};
 pub use staging::{Staging, check_folder};
 
@@ -53,11 +57,12 @@ pub trait Sink {
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, CliError>;
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug)]
 enum Kind {
     Folder { depth: bool },
+    Archive,
     Sheet,
-    Film,
+    Film(FilmOptions),
 }
 
 /// Where frames go, by the path's ending.
@@ -67,31 +72,51 @@ pub struct Target {
     kind: Kind,
 }
 
+/// What is wanted of a [`Target`].
+#[derive(Debug, Clone)]
+pub struct Wanted {
+    /// Depth files too.
+    pub depth: bool,
+    /// Frames a second that were asked for.
+    pub fps: Option<f64>,
+    /// Frames a second of a film if none were asked for; if `None`, the format's own.
+    pub path_fps: Option<f64>,
+    /// By which ffmpeg films are made.
+    pub ffmpeg: Ffmpeg,
+}
+
 impl Target {
-    /// Decides what `path` stands for: `.png`, `.gif`, or a folder. `depth` asks for depth files.
-    pub fn new(path: &Path, depth: bool) -> Result<Self, CliError> {
-        const OTHERS: [&str; 11] = [
-            "mp4", "mov", "webm", "mkv", "avi", "jpg", "jpeg", "webp", "bmp", "tif", "tiff",
+    /// Decides what `path` stands for: `.png`, `.gif`, `.mp4`, `.webm`, `.zip`, or a
+    /// folder.
+    pub fn new(path: &Path, wanted: &Wanted) -> Result<Self, CliError> {
+        const OTHERS: [&str; 9] = [
+            "mov", "mkv", "avi", "jpg", "jpeg", "webp", "bmp", "tif", "tiff",
         ];
+        let depth = wanted.depth;
         let ending = path
             .extension()
             .map(|e| e.to_string_lossy().to_ascii_lowercase());
-        let kind = match ending.as_deref() {
+        let ending = ending.as_deref().unwrap_or_default();
+        let kind = match FilmFormat::of_ending(ending) {
             _ if path.is_dir() => Kind::Folder { depth },
-            Some("png") => Kind::Sheet,
-            Some("gif") => Kind::Film,
-            Some(other) if OTHERS.contains(&other) => {
+            Some(format) => Kind::Film(wanted.film(format)),
+            None if ending == "png" => Kind::Sheet,
+            None if ending == "zip" => Kind::Archive,
+            None if OTHERS.contains(&ending) => {
                 return Err(CliError::Refused(format!(
-                    "{}: .{other} is not supported yet; use .gif, .png or a folder",
+                    "{}: .{ending} is not supported; use .mp4, .webm, .gif, .png, .zip or a \
+                     folder",
                     path.display()
                 )));
             }
-            _ => Kind::Folder { depth },
+            None => Kind::Folder { depth },
         };
+        let refuse = |problem: &str| Err(CliError::Usage(problem.into()));
         if depth && !matches!(kind, Kind::Folder { .. }) {
-            return Err(CliError::Usage(
-                "--depth needs a folder as its output".into(),
-            ));
+            return refuse("--depth needs a folder as its output");
+        }
+        if wanted.fps.is_some() && !matches!(kind, Kind::Film(_)) {
+            return refuse("--fps is for films: give -o FILE.mp4, FILE.webm or FILE.gif");
         }
         Ok(Self {
             path: path.to_owned(),
@@ -106,7 +131,7 @@ impl Target {
 
     /// Fails early where nothing can be written, or where others are at work.
     pub fn check(&self) -> Result<(), CliError> {
-        match self.kind {
+        match &self.kind {
             Kind::Folder { .. } if self.path.join(job::JOB_FILE).exists() => {
                 Err(CliError::Refused(format!(
                     "{} belongs to a job that is rendered in shards (it holds {}); choose another \
@@ -116,19 +141,41 @@ impl Target {
                 )))
             }
             Kind::Folder { .. } => check_folder(&self.path),
-            Kind::Sheet | Kind::Film => check_folder(&parent(&self.path)),
+            Kind::Archive | Kind::Sheet => check_folder(&parent(&self.path)),
+            Kind::Film(options) => {
+                options.check(&self.path)?;
+                check_folder(&parent(&self.path))
+            }
         }
     }
 
-    /// Begins to write frames of the given variants.
-    pub fn open(&self, variants: &[String], synthetic: bool) -> Result<Box<dyn Sink>, CliError> {
-        Ok(match self.kind {
+    /// Begins to write frames.
+    pub fn open(&self, layout: &Layout, synthetic: bool) -> Result<Box<dyn Sink>, CliError> {
+        Ok(match &self.kind {
             Kind::Folder { depth } => {
-                Box::new(folder::Folder::new(&self.path, variants, depth, synthetic)?)
+                let folder = folder::Folder::new(&self.path, layout.clone(), *depth, synthetic)?;
+                Box::new(folder)
+            }
+            Kind::Archive => {
+                let archive = archive::Archive::new(&self.path, layout.clone(), synthetic)?;
+                Box::new(archive)
             }
             Kind::Sheet => Box::new(sheet::Sheet::new(&self.path)),
-            Kind::Film => Box::new(film::Films::new(&self.path, variants)),
+            Kind::Film(options) => {
+                Box::new(film::Films::new(&self.path, layout.variants(), options)?)
+            }
         })
+    }
+}
+
+impl Wanted {
+    fn film(&self, format: FilmFormat) -> FilmOptions {
+        let path_fps = self.path_fps.map(|fps| format.nearest_fps(fps));
+        FilmOptions {
+            format,
+            fps: self.fps.or(path_fps).unwrap_or(format.usual_fps()),
+            ffmpeg: self.ffmpeg.clone(),
+        }
     }
 }
 
@@ -155,14 +202,53 @@ pub fn write_file(
 mod tests {
     use super::*;
 
+    fn target(path: &str, change: impl FnOnce(&mut Wanted)) -> Result<Target, CliError> {
+        let mut wanted = Wanted {
+            depth: false,
+            fps: None,
+            path_fps: None,
+            ffmpeg: Ffmpeg::new(Path::new("ffmpeg")),
+        };
+        change(&mut wanted);
+        Target::new(Path::new(path), &wanted)
+    }
+
     #[test]
     fn the_ending_decides() {
-        let kind = |path: &str| Target::new(Path::new(path), false).map(|t| t.kind).ok();
-        assert_eq!(kind("a/b.PNG"), Some(Kind::Sheet));
-        assert_eq!(kind("b.gif"), Some(Kind::Film));
-        assert_eq!(kind("out.v2"), Some(Kind::Folder { depth: false }));
-        assert_eq!(kind("clip.mp4"), None);
-        let depth = Target::new(Path::new("b.gif"), true);
+        let kind = |path: &str| target(path, |_| ()).map(|target| target.kind);
+        assert!(matches!(kind("a/b.PNG"), Ok(Kind::Sheet)));
+        assert!(matches!(kind("out.v2"), Ok(Kind::Folder { depth: false })));
+        assert!(matches!(kind("clip.mov"), Err(CliError::Refused(_))));
+        let depth = target("b.gif", |wanted| wanted.depth = true);
         assert!(matches!(depth, Err(CliError::Usage(_))));
+        let fps = target("out", |wanted| wanted.fps = Some(24.0));
+        assert!(matches!(fps, Err(CliError::Usage(_))));
+    }
+
+    #[test]
+    fn a_film_goes_as_fast_as_was_asked_or_as_its_path() {
+        let film = |path: &str, asked, of_path| {
+            let made = target(path, |wanted| {
+                (wanted.fps, wanted.path_fps) = (asked, of_path);
+            });
+            match made.map(|target| target.kind) {
+                Ok(Kind::Film(options)) => Some((options.format, options.fps)),
+                _ => None,
+            }
+        };
+        assert_eq!(film("b.gif", None, None), Some((FilmFormat::Gif, 12.5)));
+        assert_eq!(film("b.MP4", None, None), Some((FilmFormat::Mp4, 24.0)));
+        assert_eq!(
+            film("b.webm", None, Some(30.0)),
+            Some((FilmFormat::WebM, 30.0))
+        );
+        assert_eq!(
+            film("b.gif", None, Some(60.0)),
+            Some((FilmFormat::Gif, 50.0))
+        );
+        assert_eq!(
+            film("b.gif", Some(10.0), Some(60.0)),
+            Some((FilmFormat::Gif, 10.0))
+        );
     }
 }

@@ -187,9 +187,15 @@ fn outputs() -> Vec<Case> {
         ),
         bad(
             "a film in a format that is not made",
-            "render model -o new.mp4",
+            "render model -o new.avi",
             |_| {},
-            &["new.mp4", "not supported", ".gif"],
+            &["new.avi", "not supported", ".mp4", ".gif"],
+        ),
+        bad(
+            "a film without ffmpeg",
+            "render model -o new.mp4 --ffmpeg no-ffmpeg",
+            |_| {},
+            &["new.mp4", "no-ffmpeg", "install", ".gif"],
         ),
     ]
 }
@@ -295,6 +301,26 @@ fn arguments() -> Vec<Case> {
             "weights for some styles only",
             "render model -o new --style styles/red.png:1 --style styles/red.png",
             &["--style", "weight"],
+        ),
+        usage(
+            "a generated painting without a number",
+            "render model -o new --style random:blue",
+            &["random:blue", "random:SEED"],
+        ),
+        usage(
+            "nothing to show on the other side",
+            "render model -o new --side-by-side",
+            &["--side-by-side", "--style or --coats"],
+        ),
+        usage(
+            "the speed of a folder",
+            "render model -o new --fps 24",
+            &["--fps", "films", ".gif"],
+        ),
+        usage(
+            "a GIF too fast for viewers",
+            "render model -o new.gif --fps 60",
+            &["0.1 to 50", "60", "--fps"],
         ),
         usage(
             "depth of a film",

@@ -14,6 +14,20 @@ pub(crate) mod rows {
     }
 }
 
+/// A 4×4 matrix as sixteen numbers, column by column.
+pub(crate) mod columns {
+    use glam::DMat4;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(crate) fn serialize<S: Serializer>(matrix: &DMat4, to: S) -> Result<S::Ok, S::Error> {
+        matrix.to_cols_array().serialize(to)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<DMat4, D::Error> {
+        <[f64; 16]>::deserialize(from).map(|columns| DMat4::from_cols_array(&columns))
+    }
+}
+
 /// A vector as three numbers.
 pub(crate) mod triple {
     use glam::DVec3;

@@ -9,7 +9,8 @@ const TOLERANCE: f64 = 1e-3;
 /// of distances overflow.
 const FARTHEST: f64 = 1e12;
 
-/// Camera axes x right, y up, z backward (OpenGL, Blender) to x right, y down, z forward.
+/// Camera axes x right, y up, z backward (OpenGL, Blender) to x right, y down, z forward;
+/// the same the other way round.
 pub(crate) fn from_opengl(camera_to_world: DMat4) -> DMat4 {
     camera_to_world * DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0))
 }

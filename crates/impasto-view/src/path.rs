@@ -1,35 +1,14 @@
-//! Keyframes of the page as flights.
+//! Sizes and paths that the page may ask for.
 
 use impasto_scene::Camera;
-use impasto_scene::paths::Flight;
-use serde::Deserialize;
+use impasto_scene::paths::CameraPath;
 
 /// Largest width and height of a view or a film.
 pub(crate) const LARGEST_SIDE: u32 = 4096;
 /// Most keyframes of a path.
 const MOST_KEYS: usize = 1000;
 /// Longest film, in frames.
-const MOST_FRAMES: f64 = 20_000.0;
-
-/// Keyframes as the page sends them.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Keyframes {
-    keyframes: Vec<Keyframe>,
-    pub(crate) seconds: f64,
-    pub(crate) fps: f64,
-    #[serde(default)]
-    closed: bool,
-    #[serde(default)]
-    size: Option<[u32; 2]>,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Keyframe {
-    camera_to_world: [f64; 16],
-    fov: f64,
-}
+const MOST_FRAMES: usize = 20_000;
 
 /// Refuses sizes that nobody looks at.
 pub(crate) fn check_size([width, height]: [u32; 2]) -> Result<(u32, u32), String> {
@@ -42,38 +21,19 @@ pub(crate) fn check_size([width, height]: [u32; 2]) -> Result<(u32, u32), String
     ))
 }
 
-impl Keyframes {
-    /// Their cameras in scene space, of a size or of their own.
-    pub(crate) fn cameras(&self, size: Option<[u32; 2]>) -> Result<Vec<Camera>, String> {
-        let size = size.or(self.size).unwrap_or([1280, 720]);
-        let size = check_size(size)?;
-        if self.keyframes.is_empty() || self.keyframes.len() > MOST_KEYS {
-            return Err(format!(
-                "a path needs 1 to {MOST_KEYS} keyframes, not {}",
-                self.keyframes.len()
-            ));
-        }
-        let frames = self.seconds * self.fps;
-        if !(1.0..=MOST_FRAMES).contains(&frames) {
-            return Err(format!(
-                "{} seconds at {} frames a second are no film; give 1 to {MOST_FRAMES} frames",
-                self.seconds, self.fps
-            ));
-        }
-        let camera = |(i, key): (usize, &Keyframe)| {
-            Camera::viewpoint(&key.camera_to_world, key.fov, size)
-                .map_err(|problem| format!("keyframe {i}: {problem}"))
-        };
-        self.keyframes.iter().enumerate().map(camera).collect()
+/// The frames' cameras in scene space. Refuses paths that would keep the server busy for long
+/// before a frame is rendered.
+pub(crate) fn cameras(path: &CameraPath) -> Result<Vec<Camera>, String> {
+    check_size([path.size.0, path.size.1])?;
+    let keys = path.keyframes.len();
+    if keys == 0 || keys > MOST_KEYS {
+        return Err(format!("a path needs 1 to {MOST_KEYS} keyframes, not {keys}"));
     }
-
-    /// The flight through cameras of [`Self::cameras`].
-    pub(crate) fn flight<'a>(&self, keys: &'a [Camera]) -> Flight<'a> {
-        Flight {
-            keys,
-            seconds: self.seconds,
-            fps: self.fps,
-            closed: self.closed,
-        }
+    if !(1..=MOST_FRAMES).contains(&path.frames()) {
+        return Err(format!(
+            "{} seconds at {} frames a second are no film; give 1 to {MOST_FRAMES} frames",
+            path.seconds, path.fps
+        ));
     }
+    path.cameras().map_err(|error| error.to_string())
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use image::RgbImage;
 use impasto_scene::Camera;
+use impasto_scene::paths::CameraPath;
 use impasto_train::{Coats, Stop};
 use serde::Deserialize;
 use serde_json::Value;
@@ -103,10 +104,10 @@ impl Workshop for NoWorkshop {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FilmRequest {
-    pub(crate) path: crate::path::Keyframes,
+    pub(crate) path: CameraPath,
     #[serde(default)]
     pub(crate) coats: Vec<impasto_train::CoatSpec>,
-    pub(crate) size: [u32; 2],
+    pub(crate) size: (u32, u32),
     pub(crate) format: String,
     #[serde(default)]
     pub(crate) side_by_side: bool,

@@ -11,6 +11,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use crate::cli::CliError;
+use crate::cli::painting::PaintingSource;
 use crate::cli::values;
 
 /// What is to be trained, and what rendered.
@@ -121,6 +122,9 @@ pub struct RenderTable {
     /// Whether to write depth too.
     #[serde(default)]
     pub depth: bool,
+    /// Whether to show the scene as photographed beside each style.
+    #[serde(default)]
+    pub side_by_side: bool,
     /// The folder of each render, with `{model}`, `{style}` and `{views}` in it.
     #[serde(default = "output")]
     pub output: String,
@@ -223,7 +227,11 @@ pub fn read(path: &Path) -> Result<JobsFile, CliError> {
         optional.into_iter().flatten().for_each(place);
     }
     for table in &mut file.render {
-        let styles = table.styles.iter_mut().flatten();
+        let is_file = |style: &&mut PathBuf| {
+            let named = PaintingSource::named(&style.to_string_lossy(), base);
+            matches!(named, Ok(PaintingSource::File(_)))
+        };
+        let styles = table.styles.iter_mut().flatten().filter(is_file);
         table.models.iter_mut().chain(styles).for_each(place);
         table.output = base.join(&table.output).to_string_lossy().into_owned();
         for views in &mut table.views {

@@ -188,13 +188,20 @@ struct Failure {
 }
 
 impl Report {
-    fn rendered(&mut self, item: &RenderItem, [rendered, kept]: [usize; 2], complete: bool) {
+    /// `generated` says so of a painting that nobody painted.
+    fn rendered(
+        &mut self,
+        item: &RenderItem,
+        [rendered, kept]: [usize; 2],
+        complete: bool,
+        generated: Option<&str>,
+    ) {
         self.frames[0] += rendered;
         self.frames[1] += kept;
         self.complete += usize::from(complete);
         self.renders.push(json!({
             "item": item.number, "output": item.output, "rendered": rendered, "kept": kept,
-            "complete": complete,
+            "complete": complete, "generated": generated,
         }));
     }
 

@@ -8,6 +8,7 @@ use impasto_train::StyleFolder;
 
 use super::file::{JobsFile, RenderTable, TrainTable};
 use crate::cli::CliError;
+use crate::cli::painting::PaintingSource;
 use crate::cli::render::{FRAMES, RenderSettings, ViewSource};
 
 /// Everything to do. Items are numbered: models to train first, then renders.
@@ -35,8 +36,8 @@ pub struct ModelWork {
 pub struct StyleSource {
     /// What it is called.
     pub name: String,
-    /// Its file; none for the photos' own look.
-    pub path: Option<PathBuf>,
+    /// Where it comes from; none for the photos' own look.
+    pub painting: Option<PaintingSource>,
 }
 
 /// Renders of one model from the same views: geometry is computed once for all.
@@ -56,6 +57,8 @@ pub struct Group {
     pub settings: RenderSettings,
     /// Whether there are depth files.
     pub depth: bool,
+    /// Whether the scene as photographed is beside each style.
+    pub side_by_side: bool,
     /// One per style.
     pub items: Vec<RenderItem>,
 }
@@ -103,6 +106,9 @@ impl Plan {
 
     fn add(&mut self, table: &RenderTable) -> Result<(), String> {
         let styles = styles(table)?;
+        if table.side_by_side && (table.styles.is_none() || table.depth) {
+            return Err("side_by_side needs styles, and goes without depth".into());
+        }
         for path in &table.models {
             let at = self.models.iter().position(|work| work.path == *path);
             let at = at.unwrap_or_else(|| {
@@ -182,6 +188,7 @@ impl ModelWork {
                     mask: table.mask.clone(),
                 },
                 depth: table.depth,
+                side_by_side: table.side_by_side,
                 items,
             });
         }
@@ -213,15 +220,16 @@ fn styles(table: &RenderTable) -> Result<Vec<StyleSource>, String> {
     let Some(paths) = &table.styles else {
         return Ok(vec![StyleSource {
             name: "photo".into(),
-            path: None,
+            painting: None,
         }]);
     };
     let mut found = Vec::new();
     for path in paths {
         if !path.is_dir() {
+            let painting = PaintingSource::named(&path.to_string_lossy(), Path::new(""))?;
             found.push(StyleSource {
-                name: name_of(path),
-                path: Some(path.clone()),
+                name: painting.stem(),
+                painting: Some(painting),
             });
             continue;
         }
@@ -234,7 +242,7 @@ fn styles(table: &RenderTable) -> Result<Vec<StyleSource>, String> {
                 found.push(StyleSource {
                     // A sub-folder's painting has no sub-folder of its own.
                     name: stem.to_string_lossy().replace(['/', '\\'], "-"),
-                    path: Some(file.path),
+                    painting: Some(PaintingSource::File(file.path)),
                 });
             }
         }
@@ -326,6 +334,29 @@ mod tests {
         let problem = plan("[[render]]\nmodels = [\"a\"]\nviews = [\"around\"]\n").unwrap_err();
         assert!(problem.contains("around"), "{problem}");
         assert!(plan("").unwrap_err().contains("nothing to do"));
+    }
+
+    #[test]
+    fn a_number_is_a_painting() {
+        let made = plan("[[render]]\nmodels = [\"m\"]\nstyles = [\"random:42\"]\n").unwrap();
+        assert_eq!(outputs(&made)[0].1, "out/m/random-42/orbit");
+        let styles = &made.models[0].styles;
+        assert_eq!(styles[0].painting, Some(PaintingSource::Generated(42)));
+        let problem = plan("[[render]]\nmodels = [\"m\"]\nstyles = [\"random:x\"]\n").unwrap_err();
+        assert!(problem.contains("random:x"), "{problem}");
+    }
+
+    #[test]
+    fn side_by_side_needs_styles() {
+        let plain = "[[render]]\nmodels = [\"m\"]\nside_by_side = true\n";
+        let styled = format!("{plain}styles = [\"random:1\"]\n");
+        assert!(plan(plain).unwrap_err().contains("needs styles"));
+        assert!(
+            plan(&format!("{styled}depth = true\n"))
+                .unwrap_err()
+                .contains("without depth")
+        );
+        assert!(plan(&styled).unwrap().models[0].groups[0].side_by_side);
     }
 
     #[test]

@@ -9,10 +9,11 @@ use serde_json::Value;
 use super::Report;
 use super::plan::{Group, ModelWork, StyleSource};
 use crate::cli::CliError;
+use crate::cli::painting::PaintingSource;
 use crate::cli::progress::Frames;
-use crate::cli::render::{KnownModel, Styles, distinguished, painting, views};
+use crate::cli::render::{KnownModel, Styles, distinguished, views};
 use crate::cli::shard::Shard;
-use crate::output::{Contents, Frame, SharedFolder, View};
+use crate::output::{Contents, Frame, Layout, SharedFolder, View};
 
 /// Renders this shard's part of everything that a model is rendered for.
 pub fn run(work: &ModelWork, shard: Shard, device: Device, report: &mut Report) {
@@ -61,8 +62,8 @@ impl<'a> Painted<'a> {
 
     /// Reads the painting. Not kept: there may be many.
     fn read(&self) -> Result<Styles, CliError> {
-        Ok(match &self.source.path {
-            Some(path) => Styles::Each(vec![(self.source.name.clone(), painting(path)?)]),
+        Ok(match &self.source.painting {
+            Some(painting) => Styles::Each(vec![(self.source.name.clone(), painting.read()?)]),
             None => Styles::Photo,
         })
     }
@@ -146,7 +147,11 @@ impl Studio<'_> {
         for (item, open) in group.items.iter().zip(open) {
             let Some(open) = open else { continue };
             match open.folder.finish() {
-                Ok(complete) => report.rendered(item, [open.rendered, open.kept], complete),
+                Ok(complete) => {
+                    let painting = &self.styles[item.style].source.painting;
+                    let label = painting.as_ref().and_then(PaintingSource::label);
+                    report.rendered(item, [open.rendered, open.kept], complete, label.as_deref());
+                }
                 Err(error) => report.failed(item, &error),
             }
         }
@@ -180,16 +185,21 @@ impl Studio<'_> {
                 return;
             }
         };
-        let lists: Vec<&[Coat]> = coats.iter().map(Option::as_slice).collect();
+        let original: Option<&[Coat]> = group.side_by_side.then_some(&[]);
+        let painted = coats.iter().map(Option::as_slice);
+        let lists: Vec<&[Coat]> = original.into_iter().chain(painted).collect();
+        let first = lists.len() - coats.len();
         let rendered = model.render_coats(&view.camera, &lists, group.settings.supersampling);
         for (look, &i) in missing.iter().enumerate() {
-            let frame = Frame {
-                view,
-                pictures: vec![rendered.image(look)],
-                depth: &rendered.depth,
-            };
             let Some(opened) = open[i].as_mut() else {
                 continue;
+            };
+            let shown = (0..first).chain([first + look]);
+            let pictures = shown.map(|i| rendered.image(i)).collect();
+            let frame = Frame {
+                view,
+                pictures: self.layout(group, i).frames(pictures),
+                depth: &rendered.depth,
             };
             match opened.folder.add(number, &frame) {
                 Ok(()) => opened.rendered += 1,
@@ -201,10 +211,20 @@ impl Studio<'_> {
         }
     }
 
-    fn open(&mut self, group: &Group, item: usize, views: &[View]) -> Result<Open, CliError> {
-        let item = &group.items[item];
+    /// What the frames of a group's item show.
+    fn layout(&self, group: &Group, item: usize) -> Layout {
+        let style = &self.styles[group.items[item].style].source.name;
+        match group.side_by_side {
+            true => Layout::side_by_side(vec![style.clone()]),
+            false => Layout::Each(Vec::new()),
+        }
+    }
+
+    fn open(&mut self, group: &Group, index: usize, views: &[View]) -> Result<Open, CliError> {
+        let item = &group.items[index];
         let style = self.styles[item.style].distinguished()?;
-        let (cameras, job) = self.known.job(&style, views, &group.settings, group.depth);
+        let shown = (&self.layout(group, index), group.depth);
+        let (cameras, job) = self.known.job(&style, views, &group.settings, shown);
         let contents = Contents {
             variants: &[],
             frames: views.len(),

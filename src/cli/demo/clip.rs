@@ -9,7 +9,7 @@ use impasto::{Inspiration, Model};
 use super::Style;
 use crate::cli::CliError;
 use crate::cli::progress::Frames;
-use crate::output::Film;
+use crate::output::{FilmFormat, Gif};
 
 const FRAMES: usize = 48;
 /// Height of a frame in pixels, unless the photos are smaller.
@@ -33,7 +33,7 @@ pub fn film(model: &Model, styles: &[Style], path: &Path) -> Result<PathBuf, Cli
         (width.round() as u32, height)
     });
     let cameras = orbit(&train, FRAMES, size)?;
-    let mut film = Film::new(path);
+    let mut film = Gif::new(path, FilmFormat::Gif.usual_fps());
     let mut progress = Frames::new(FRAMES);
     for (frame, camera) in cameras.iter().enumerate() {
         let (from, to, share) = passage(frame as f32 / FRAMES as f32, styles.len());

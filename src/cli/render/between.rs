@@ -7,7 +7,7 @@ use impasto::{Coat, Inspiration, Look, Model};
 use serde_json::json;
 
 use super::styles::Styles;
-use super::{RenderArgs, views};
+use super::{RenderArgs, told, views};
 use crate::cli::values::clock;
 use crate::cli::{Answer, CliError};
 use crate::output::{check_folder, grid, lettering, parent, picture, write_file};
@@ -21,7 +21,9 @@ const INK: Rgb<u8> = Rgb([235, 232, 225]);
 /// Renders the first view in `count` looks from one style to the other, or in `count × count`
 /// between four.
 pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, CliError> {
-    let (names, paintings) = read(args)?;
+    let styles = read(args)?;
+    let generated = styles.generated(&args.styles);
+    let (names, paintings) = pictures(styles)?;
     check_folder(&parent(&args.output))?;
     let model = Model::load_on(&args.model, args.device.open()?)?;
     let corners = paintings
@@ -51,17 +53,19 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
     Ok(Answer {
         text: format!(
             "{rows}×{count} looks between {} in {}, neighbours {:.3} apart, at most {:.3} (root mean \
-             square of colours): {}",
+             square of colours): {}{}",
             names.join(", "),
             clock(seconds),
             mean,
             largest,
-            args.output.display()
+            args.output.display(),
+            told(&generated)
         ),
         json: json!({
             "outputs": [args.output],
             "views": 1,
             "styles": names,
+            "generated": generated,
             "rows": rows,
             "columns": count,
             "mean_step": mean,
@@ -72,8 +76,8 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
     })
 }
 
-/// The styles' names and pictures, if they are as many as a row or a square has corners.
-fn read(args: &RenderArgs) -> Result<(Vec<String>, Vec<RgbImage>), CliError> {
+/// The styles, if they are as many as a row or a square has corners.
+fn read(args: &RenderArgs) -> Result<Styles, CliError> {
     let refuse = |problem: String| Err(CliError::Usage(problem));
     if args.styles.iter().any(|style| style.weight.is_some()) {
         return refuse("--interpolate takes styles without weights".into());
@@ -88,11 +92,16 @@ fn read(args: &RenderArgs) -> Result<(Vec<String>, Vec<RgbImage>), CliError> {
     if args.output.is_dir() || !ending.is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         return refuse("--interpolate makes one picture: give -o FILE.png".into());
     }
-    match Styles::read(&args.styles)? {
+    Styles::read(&args.styles)
+}
+
+/// Their names and pictures.
+fn pictures(styles: Styles) -> Result<(Vec<String>, Vec<RgbImage>), CliError> {
+    match styles {
         Styles::Each(named) => Ok(named.into_iter().unzip()),
-        Styles::Photo | Styles::Mix(_) | Styles::Coats(_) => {
-            refuse("--interpolate takes styles".into())
-        }
+        Styles::Photo | Styles::Mix(_) | Styles::Coats(_) => Err(CliError::Usage(
+            "--interpolate takes styles without weights".into(),
+        )),
     }
 }
 

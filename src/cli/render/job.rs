@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use super::RenderSettings;
 use super::styles::Styles;
 use crate::cli::CliError;
-use crate::output::{View, cameras};
+use crate::output::{Layout, View, cameras};
 
 /// A model, with what distinguishes it from others.
 pub struct KnownModel {
@@ -59,9 +59,9 @@ impl KnownModel {
         styles: &Value,
         views: &[View],
         settings: &RenderSettings,
-        depth: bool,
+        (layout, depth): (&Layout, bool),
     ) -> (String, Value) {
-        let cameras = cameras(views, depth, self.model.file.scene.synthetic);
+        let cameras = cameras(views, layout, depth, self.model.file.scene.synthetic);
         let job = json!({
             "program": concat!("impasto ", env!("CARGO_PKG_VERSION")),
             "device": self.device,
@@ -71,6 +71,7 @@ impl KnownModel {
             "supersampling": settings.supersampling,
             "keep": settings.keep,
             "mask": settings.mask,
+            "side_by_side": matches!(layout, Layout::SideBySide(_)),
             "depth": depth,
             "frames": views.len(),
             "cameras": hash(cameras.as_bytes()),

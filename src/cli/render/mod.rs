@@ -1,6 +1,8 @@
 //! `impasto render`.
 
 mod between;
+mod film;
+mod frames;
 mod job;
 mod sharded;
 mod styles;
@@ -13,29 +15,37 @@ use clap::Args;
 use impasto::{Coat, Keep, MaskSpec, Model};
 use serde_json::json;
 
+pub use self::frames::Rendering;
 pub use self::job::{KnownModel, distinguished};
-pub use self::styles::{Styles, painting};
+pub use self::styles::Styles;
 pub use self::views::{FRAMES, ViewSource, views};
 use super::device::DeviceArgs;
+use super::ffmpeg::FfmpegArgs;
+use super::painting::StyleArg;
 use super::progress::Frames;
 use super::shard::Shard;
-use super::values::{StyleArg, clock, duration, keep, mask, share, size};
-use super::{Answer, CliError};
-use crate::output::{Frame, Target};
+use super::values::{clock, duration, fps, keep, mask, share, size};
+use super::{Answer, CliError, interrupt};
+use crate::output::{Ffmpeg, Layout, Target, Wanted};
 
 /// Render a model as photographed, or in the style of paintings
 ///
 /// Several styles without weights are rendered side by side from one pass over the geometry: in a
-/// folder each has a sub-folder of its name, a GIF becomes one file per style, and a contact sheet
-/// has one column per style. Styles with weights (IMAGE:0.7) are mixed into one. With --interpolate,
-/// two or four styles span a grid of what lies between them. A file of coats, as the studio saves
-/// them, paints several styles over each other, each in a region of its own.
+/// folder each has a sub-folder of its name, a film becomes one file per style, and a contact sheet
+/// has one column per style; with --side-by-side, each frame shows the original and all styles in a
+/// row. Styles with weights (IMAGE:0.7) are mixed into one. With --interpolate, two or four styles
+/// span a grid of what lies between them. A file of coats, as the studio saves them, paints several
+/// styles over each other, each in a region of its own.
+///
+/// MP4 (H.264) and WebM (VP9, or AV1) are made by the installed ffmpeg; GIF, PNG and ZIP need
+/// nothing. Where a frame's width or height is odd, these films double its last column or row.
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub struct RenderArgs {
     /// The model's folder
     model: PathBuf,
-    /// A painting, with a weight to mix several (IMAGE:0.7); may be repeated
+    /// A painting, with a weight to mix several (IMAGE:0.7); may be repeated. random:SEED is the
+    /// generated painting of a number
     #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
     styles: Vec<StyleArg>,
     /// Coats of paint, one over the other, in place of styles: a JSON file as the studio saves it
@@ -60,6 +70,13 @@ pub struct RenderArgs {
     /// Number of frames; of photos' views, this many evenly spaced ones [default: all, or 60]
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
+    /// Show the scene as photographed on the left of each frame, beside its styles. Depth files, which
+    /// have one view's size, are written without it
+    #[arg(long, conflicts_with_all = ["depth", "interpolate"])]
+    side_by_side: bool,
+    /// Frames a second of a film [default: the camera path's own, or else 24, and 12.5 of a GIF]
+    #[arg(long, value_name = "N", value_parser = fps, conflicts_with_all = ["interpolate", "shard"])]
+    fps: Option<f64>,
     /// Write depth too (NumPy float32, along the camera's axis, scene units); folders only
     #[arg(long)]
     depth: bool,
@@ -69,10 +86,21 @@ pub struct RenderArgs {
     shard: Option<Shard>,
     #[command(flatten)]
     device: DeviceArgs,
-    /// A folder for numbered PNGs and cameras.json, a PNG (contact sheet of all views) or a GIF
-    #[arg(short, long, value_name = "DIR|FILE.png|FILE.gif")]
+    #[command(flatten)]
+    ffmpeg: FfmpegArgs,
+    /// A folder for numbered PNGs and cameras.json, the same as a ZIP, a PNG (contact sheet of all
+    /// views), or a film
+    #[arg(
+        short,
+        long,
+        value_name = "DIR|FILE.png|FILE.mp4|FILE.webm|FILE.gif|FILE.zip"
+    )]
     output: PathBuf,
 }
+
+/// What an interruption does.
+const STOPPING: &str =
+    "stopping after this frame, nothing will be written; once more leaves at once";
 
 /// How views are rendered.
 #[derive(Debug, Clone, Args)]
@@ -103,16 +131,35 @@ pub struct Variant {
 
 impl RenderArgs {
     fn read_styles(&self) -> Result<Styles, CliError> {
-        match &self.coats {
-            Some(path) => Styles::read_coats(path),
-            None => Styles::read(&self.styles),
+        let styles = match &self.coats {
+            Some(path) => Styles::read_coats(path)?,
+            None => Styles::read(&self.styles)?,
+        };
+        if self.side_by_side && styles.is_empty() {
+            return Err(CliError::Usage(
+                "--side-by-side shows the scene beside its styles: give --style or --coats".into(),
+            ));
+        }
+        Ok(styles)
+    }
+
+    fn target(&self) -> Result<Target, CliError> {
+        let wanted = Wanted {
+            depth: self.depth,
+            fps: self.fps,
+            path_fps: self.views.fps()?,
+            ffmpeg: Ffmpeg::new(&self.ffmpeg.program),
+        };
+        Target::new(&self.output, &wanted)
+    }
+
+    /// What each frame shows of variants of these names.
+    fn layout(&self, names: Vec<String>) -> Layout {
+        match self.side_by_side {
+            true => Layout::side_by_side(names),
+            false => Layout::Each(names),
         }
     }
-}
-
-/// What variants paint a view with.
-pub fn coats(variants: &[Variant]) -> Vec<&[Coat]> {
-    variants.iter().map(|v| v.coats.as_slice()).collect()
 }
 
 /// Runs the command.
@@ -124,7 +171,7 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     if let Some(shard) = args.shard {
         return sharded::run(args, shard, start);
     }
-    let target = Target::new(&args.output, args.depth)?;
+    let target = args.target()?;
     let styles = args.read_styles()?;
     target.check()?;
     let model = Model::load_on(&args.model, args.device.open()?)?;
@@ -132,24 +179,16 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     let names: Vec<String> = variants.iter().map(|v| v.name.clone()).collect();
     let views = views(&model, &args.views, args.size, args.frames)?;
 
-    let coats = coats(&variants);
+    let layout = args.layout(names.clone());
+    let rendering = Rendering::new(&model, &variants, &layout, args.settings.supersampling);
     let synthetic = model.file.scene.synthetic;
-    let mut sink = target.open(&names, synthetic)?;
+    let sink = target.open(&layout, synthetic)?;
+    let stop = interrupt::stop(STOPPING);
     let mut progress = Frames::new(views.len());
-    for view in &views {
-        let rendered = model.render_coats(&view.camera, &coats, args.settings.supersampling);
-        sink.add(Frame {
-            view,
-            pictures: (0..variants.len())
-                .map(|look| rendered.image(look))
-                .collect(),
-            depth: &rendered.depth,
-        })?;
-        progress.tick();
-    }
+    let outputs = rendering.all(&views, sink, &mut |_| progress.tick(), &stop)?;
     drop(progress);
-    let outputs = sink.finish()?;
     let seconds = start.elapsed().as_secs_f64();
+    let generated = styles.generated(&args.styles);
     let paths: Vec<String> = outputs
         .iter()
         .map(|path| path.display().to_string())
@@ -161,17 +200,27 @@ pub fn run(args: &RenderArgs) -> Result<Answer, CliError> {
     };
     Ok(Answer {
         text: format!(
-            "{} views{kind} in {}: {}",
+            "{} views{kind} in {}: {}{}",
             views.len(),
             clock(seconds),
-            paths.join(", ")
+            paths.join(", "),
+            told(&generated)
         ),
         json: json!({
             "outputs": paths,
             "views": views.len(),
             "styles": if styles.is_empty() { Vec::new() } else { names },
+            "generated": generated,
             "synthetic": synthetic,
             "seconds": seconds,
         }),
     })
+}
+
+/// A line about paintings that nobody painted.
+fn told(generated: &[String]) -> String {
+    match generated {
+        [] => String::new(),
+        labels => format!("\ngenerated paintings: {}", labels.join("; ")),
+    }
 }

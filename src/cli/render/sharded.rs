@@ -7,12 +7,12 @@ use serde_json::json;
 
 use super::job::{KnownModel, distinguished};
 use super::styles::Styles;
-use super::{RenderArgs, coats, views};
+use super::{RenderArgs, Rendering, told, views};
 use crate::cli::progress::Frames;
 use crate::cli::shard::Shard;
 use crate::cli::values::clock;
 use crate::cli::{Answer, CliError};
-use crate::output::{Contents, Frame, SharedFolder, Target, View};
+use crate::output::{Contents, Layout, SharedFolder, View};
 
 /// What one process did.
 struct Done {
@@ -25,7 +25,7 @@ struct Done {
 
 /// Renders the frames of one shard that are not there yet.
 pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, CliError> {
-    if !Target::new(&args.output, args.depth)?.is_folder() {
+    if !args.target()?.is_folder() {
         return Err(CliError::Usage(format!(
             "--shard needs a folder as its output, not {}: tasks cannot share one file",
             args.output.display()
@@ -36,12 +36,14 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
     let model = &known.model;
     let views = views(model, &args.views, args.size, args.frames)?;
     let distinguished = distinguished(&styles);
-    let (cameras, job) = known.job(&distinguished, &views, &args.settings, args.depth);
     let names: Vec<String> = styles.wanted().into_iter().map(|(name, _)| name).collect();
+    let layout = args.layout(names.clone());
+    let shown = (&layout, args.depth);
+    let (cameras, job) = known.job(&distinguished, &views, &args.settings, shown);
     let folder = SharedFolder::open(
         &args.output,
         &Contents {
-            variants: &names,
+            variants: layout.variants(),
             frames: views.len(),
             depth: args.depth,
             cameras: &cameras,
@@ -57,7 +59,7 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
         .copied()
         .filter(|&frame| folder.lacks(frame))
         .collect();
-    fill(&folder, &missing, &views, (model, &styles), args)?;
+    fill(&folder, &missing, &views, (model, &styles, &layout), args)?;
     let done = Done {
         rendered: missing.len(),
         kept: own.len() - missing.len(),
@@ -65,6 +67,7 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
     };
     let synthetic = model.file.scene.synthetic;
     let seconds = start.elapsed().as_secs_f64();
+    let generated = styles.generated(&args.styles);
     let outputs = folder.folders();
     let paths: Vec<String> = outputs
         .iter()
@@ -72,7 +75,7 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
         .collect();
     Ok(Answer {
         text: format!(
-            "shard {shard}: {} of {} views{} in {}, {}: {}",
+            "shard {shard}: {} of {} views{} in {}, {}: {}{}",
             done.rendered,
             views.len(),
             if synthetic {
@@ -82,7 +85,8 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
             },
             clock(seconds),
             state(&done),
-            paths.join(", ")
+            paths.join(", "),
+            told(&generated)
         ),
         json: json!({
             "outputs": paths,
@@ -92,6 +96,7 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
             "kept": done.kept,
             "complete": done.complete,
             "styles": if styles.is_empty() { Vec::new() } else { names },
+            "generated": generated,
             "synthetic": synthetic,
             "seconds": seconds,
         }),
@@ -103,25 +108,17 @@ fn fill(
     folder: &SharedFolder,
     missing: &[usize],
     views: &[View],
-    (model, styles): (&Model, &Styles),
+    (model, styles, layout): (&Model, &Styles, &Layout),
     args: &RenderArgs,
 ) -> Result<(), CliError> {
     if missing.is_empty() {
         return Ok(());
     }
     let variants = styles.variants(model, None, &args.settings)?;
-    let coats = coats(&variants);
+    let rendering = Rendering::new(model, &variants, layout, args.settings.supersampling);
     let mut progress = Frames::new(missing.len());
     for &number in missing {
-        let view = &views[number];
-        let rendered = model.render_coats(&view.camera, &coats, args.settings.supersampling);
-        let pictures = (0..coats.len()).map(|i| rendered.image(i)).collect();
-        let frame = Frame {
-            view,
-            pictures,
-            depth: &rendered.depth,
-        };
-        folder.add(number, &frame)?;
+        rendering.one(&views[number], |frame| folder.add(number, &frame))?;
         progress.tick();
     }
     Ok(())

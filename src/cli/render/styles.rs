@@ -7,13 +7,12 @@ use std::time::Duration;
 use image::RgbImage;
 use impasto::eval::EvalError;
 use impasto::scene::file::read_text;
-use impasto::scene::{SceneError, read_rgb};
 use impasto::{Budget, Coat, CoatSpec, Coats, Inspiration, Look, Model, Refinement};
 
 use super::{RenderSettings, Variant};
 use crate::cli::CliError;
+use crate::cli::painting::{PaintingSource, StyleArg};
 use crate::cli::progress::Share;
-use crate::cli::values::StyleArg;
 
 /// The paintings, read, and what to do with them.
 pub enum Styles {
@@ -40,7 +39,7 @@ impl Styles {
         }
         let images = args
             .iter()
-            .map(|style| painting(&style.path))
+            .map(|style| style.painting.read())
             .collect::<Result<Vec<_>, _>>()?;
         Ok(if args.is_empty() {
             Self::Photo
@@ -63,7 +62,10 @@ impl Styles {
         let folder = path.parent().unwrap_or(Path::new(""));
         let read = |coat: CoatSpec| {
             let paintings = coat.paintings.iter();
-            let paintings = paintings.map(|one| painting(&folder.join(&one.painting)));
+            let paintings = paintings.map(|one| {
+                let source = PaintingSource::named(&one.painting, folder);
+                source.map_err(&wrong)?.read()
+            });
             Ok((coat.clone(), paintings.collect::<Result<_, CliError>>()?))
         };
         Ok(Self::Coats(
@@ -73,6 +75,24 @@ impl Styles {
                 .map(read)
                 .collect::<Result<_, CliError>>()?,
         ))
+    }
+
+    /// What is to be said of those paintings that `args` or the coats have generated.
+    pub fn generated(&self, args: &[StyleArg]) -> Vec<String> {
+        let named = |name: &str| PaintingSource::named(name, Path::new("")).ok();
+        let mut labels: Vec<String> = match self {
+            Self::Coats(specs) => specs
+                .iter()
+                .flat_map(|(spec, _)| &spec.paintings)
+                .filter_map(|one| named(&one.painting)?.label())
+                .collect(),
+            Self::Photo | Self::Each(_) | Self::Mix(_) => {
+                let labels = args.iter().map(|style| style.painting.label());
+                labels.flatten().collect()
+            }
+        };
+        labels.dedup();
+        labels
     }
 
     fn weightless() -> CliError {
@@ -206,27 +226,15 @@ impl RenderSettings {
     }
 }
 
-/// Reads one style image.
-pub fn painting(path: &Path) -> Result<RgbImage, CliError> {
-    read_rgb(path).map_err(|error| match error {
-        SceneError::Photo { path, problem } => CliError::Painting { path, problem },
-        SceneError::Io { path, source } => CliError::Read { path, source },
-        other => CliError::Scene(other),
-    })
-}
-
-/// File names without their endings, made different by numbers where they are not.
+/// The paintings' names, made different by numbers where they are not.
 fn names(args: &[StyleArg]) -> Vec<String> {
     let mut taken = HashSet::new();
     args.iter()
         .map(|style| {
-            let stem = style
-                .path
-                .file_stem()
-                .map_or("style".into(), |s| s.to_string_lossy());
+            let stem = style.painting.stem();
             let numbered = |n: usize| {
                 if n == 1 {
-                    stem.to_string()
+                    stem.clone()
                 } else {
                     format!("{stem}-{n}")
                 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use impasto::scene::file::read_text;
-use impasto::scene::paths::{KeyframeOptions, keyframes, orbit, spiral};
+use impasto::scene::paths::{KeyframeOptions, frame_rate, keyframes, orbit, spiral};
 use impasto::scene::{Camera, Intrinsics, Split, nerf_plus_plus_path};
 use impasto::{Model, ModelScene};
 
@@ -44,6 +44,19 @@ impl FromStr for ViewSource {
                 "use train, test, orbit, spiral, a .json file or a NeRF++ camera_path folder"
                     .into(),
             ),
+        }
+    }
+}
+
+impl ViewSource {
+    /// Frames a second, where a camera path's file states them.
+    pub fn fps(&self) -> Result<Option<f64>, CliError> {
+        match self {
+            Self::File(path) => {
+                let text = read_text(path).map_err(CliError::read(path))?;
+                Ok(frame_rate(&text))
+            }
+            _ => Ok(None),
         }
     }
 }

@@ -55,7 +55,7 @@ pub fn run(args: &ViewArgs) -> Result<Answer, CliError> {
         scratch: scratch.path().to_owned(),
         limits: Limits::default(),
     })?;
-    let stop = interrupt::stop_saying("closing the studio; once more leaves at once");
+    let stop = interrupt::stop("closing the studio; once more leaves at once");
     if first.is_none() {
         console::note("there is no model yet; the page follows its training");
     }

@@ -5,11 +5,12 @@
 //! of view in degrees. Our own `cameras.json` has `frames` with `camera_to_world`, `fl_x` and so
 //! on, in OpenCV axes and in *scene* space.
 
-use glam::{DMat4, DQuat, DVec3, DVec4};
+use glam::DMat4;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{PathError, check_request, median_lens, pinhole};
+use super::spline::Spline;
+use super::{PathError, check_request, median_lens, of_fov};
 use crate::camera::{Camera, Intrinsics};
 use crate::normalise::Normalisation;
 use crate::pose;
@@ -111,10 +112,13 @@ pub fn keyframes(json: &str, options: &KeyframeOptions<'_>) -> Result<Vec<Camera
     if frames == keys.len() {
         return Ok(keys);
     }
-    let spline = Spline::through(&keys, file.is_cycle);
-    Ok((0..frames)
-        .map(|frame| spline.camera(frame, frames))
-        .collect())
+    Ok(Spline::through(&keys, file.is_cycle).cameras(frames))
+}
+
+/// Frames a second that a path file's text states, if it does: a positive number.
+pub fn frame_rate(json: &str) -> Option<f64> {
+    let file: PathFile = serde_json::from_str(json).ok()?;
+    file.fps.filter(|fps| fps.is_finite() && *fps > 0.0)
 }
 
 fn nerfstudio(
@@ -142,10 +146,7 @@ fn nerfstudio(
         };
         let key = NerfstudioKey::deserialize(value).map_err(|e| wrong(e.to_string()))?;
         let intrinsics = match key.fov {
-            Some(fov) if fov > 0.0 && fov < 180.0 => pinhole(
-                0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan(),
-                size,
-            ),
+            Some(fov) if fov > 0.0 && fov < 180.0 => of_fov(fov, size),
             Some(fov) => {
                 return Err(wrong(format!(
                     "a field of view of {fov} degrees is not possible"
@@ -206,98 +207,4 @@ fn fitted(lens: &Intrinsics, (width, height): (u32, u32)) -> Intrinsics {
         fl_y: scaled.fl_y * stretch.max(1.0),
         ..scaled
     }
-}
-
-/// A smooth curve through cameras.
-pub(super) struct Spline<'a> {
-    keys: &'a [Camera],
-    /// Rotations with signs chosen so that neighbours are close.
-    rotations: Vec<DVec4>,
-    closed: bool,
-}
-
-impl<'a> Spline<'a> {
-    pub(super) fn through(keys: &'a [Camera], closed: bool) -> Self {
-        let mut rotations: Vec<DVec4> = Vec::with_capacity(keys.len());
-        for key in keys {
-            let rotation = DVec4::from(DQuat::from_mat4(&key.camera_to_world));
-            let flip = rotations
-                .last()
-                .is_some_and(|last| last.dot(rotation) < 0.0);
-            rotations.push(if flip { -rotation } else { rotation });
-        }
-        Self {
-            keys,
-            rotations,
-            closed,
-        }
-    }
-
-    /// Frame `frame` of `frames`: the first is the first key; the last is the last key or, on a
-    /// closed path, one step before the first.
-    pub(super) fn camera(&self, frame: usize, frames: usize) -> Camera {
-        let count = self.keys.len();
-        let (steps, parts) = if self.closed {
-            (count, frames)
-        } else {
-            (count - 1, frames.saturating_sub(1).max(1))
-        };
-        let time = steps as f64 * frame as f64 / parts as f64;
-        let segment = (time.floor() as usize).min(steps.saturating_sub(1));
-        let part = time - segment as f64;
-        let around: [usize; 4] = std::array::from_fn(|i| self.neighbour(segment, i));
-
-        let centres = around.map(|i| self.keys[i].centre());
-        let mut rotations = around.map(|i| self.rotations[i]);
-        // A closed path may come back with the other sign.
-        for i in 1..4 {
-            if rotations[i].dot(rotations[i - 1]) < 0.0 {
-                rotations[i] = -rotations[i];
-            }
-        }
-        let weights = catmull_rom(part);
-        let position: DVec3 = (0..4).map(|i| centres[i] * weights[i]).sum();
-        let rotation: DVec4 = (0..4).map(|i| rotations[i] * weights[i]).sum();
-        let rotation = rotation.try_normalize().unwrap_or(rotations[1]);
-        let first = &self.keys[around[1]].intrinsics;
-        let blend = |of: fn(&Intrinsics) -> f64| -> f64 {
-            (0..4)
-                .map(|i| of(&self.keys[around[i]].intrinsics) * weights[i])
-                .sum()
-        };
-        let (fl_x, fl_y) = (blend(|k| k.fl_x.ln()).exp(), blend(|k| k.fl_y.ln()).exp());
-        let size = (
-            self.keys[0].intrinsics.width,
-            self.keys[0].intrinsics.height,
-        );
-        Camera {
-            intrinsics: Intrinsics {
-                fl_x,
-                fl_y,
-                ..pinhole(first.fl_x, size)
-            },
-            camera_to_world: DMat4::from_rotation_translation(DQuat::from_vec4(rotation), position),
-        }
-    }
-
-    /// The key at place `i` of the four around `segment`; ends are repeated on an open path.
-    fn neighbour(&self, segment: usize, i: usize) -> usize {
-        let count = self.keys.len();
-        if self.closed {
-            (segment + count + i - 1) % count
-        } else {
-            (segment + i).saturating_sub(1).min(count - 1)
-        }
-    }
-}
-
-/// Weights of four equally spaced values at `t` of the way from the second to the third.
-fn catmull_rom(t: f64) -> [f64; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [
-        0.5 * (-t3 + 2.0 * t2 - t),
-        0.5 * (3.0 * t3 - 5.0 * t2 + 2.0),
-        0.5 * (-3.0 * t3 + 4.0 * t2 + t),
-        0.5 * (t3 - t2),
-    ]
 }

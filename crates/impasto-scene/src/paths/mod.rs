@@ -4,14 +4,15 @@
 //! from a saved model as well. The paths of the photos themselves are
 //! [`Scene::cameras`](crate::Scene::cameras).
 
+mod camera_path;
 mod keyframes;
-mod nerfstudio;
 mod orbit;
 pub(crate) mod shape;
 mod spiral;
+mod spline;
 
-pub use keyframes::{KeyframeOptions, keyframes};
-pub use nerfstudio::Flight;
+pub use camera_path::{CameraPath, Keyframe};
+pub use keyframes::{KeyframeOptions, frame_rate, keyframes};
 pub use orbit::orbit;
 pub use spiral::spiral;
 
@@ -47,6 +48,16 @@ pub enum PathError {
         needed: usize,
         /// The number given.
         given: usize,
+    },
+    /// A path without time.
+    #[error(
+        "{seconds} second(s) at {fps} frames a second make no camera path; both must be numbers above 0"
+    )]
+    Time {
+        /// How long it takes.
+        seconds: f64,
+        /// Frames a second.
+        fps: f64,
     },
     /// The file is not JSON, or not of a known form.
     #[error("{0}")]
@@ -90,6 +101,14 @@ fn median_lens(cameras: &[Camera], size: (u32, u32)) -> Intrinsics {
     let across = median(|k| k.fl_x / f64::from(k.width)) * f64::from(size.0);
     let down = median(|k| k.fl_y / f64::from(k.height)) * f64::from(size.1);
     pinhole(across.max(down), size)
+}
+
+/// An ideal pinhole with a vertical field of view in degrees, between 0 and 180.
+fn of_fov(fov: f64, size: (u32, u32)) -> Intrinsics {
+    pinhole(
+        0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan(),
+        size,
+    )
 }
 
 fn pinhole(focal: f64, (width, height): (u32, u32)) -> Intrinsics {

@@ -6,6 +6,7 @@ use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::{HeaderValue, header};
 use axum::response::Response;
+use impasto_scene::paths::CameraPath;
 use impasto_train::{CoatSpec, Coats};
 use serde_json::{Value, json};
 
@@ -15,16 +16,16 @@ use crate::gallery::Gallery;
 use crate::jobs::Order;
 use crate::message::checked;
 use crate::painter::SceneFacts;
-use crate::path::Keyframes;
+use crate::path::cameras;
 use crate::workshop::{ExportOrder, ExportRequest, FilmOrder, FilmRequest, Formats, PaintOrder};
 
 pub(super) async fn path(
     State(studio): State<Arc<Studio>>,
     body: Body,
 ) -> Result<Response, Refusal> {
-    let keyframes: Keyframes = json_body(body, studio.limits.body).await?;
+    let path: CameraPath = json_body(body, studio.limits.body).await?;
     let facts = studio.scene()?;
-    let path = apart(move || path_of(&keyframes, None, &facts)).await?;
+    let path = apart(move || path_of(&path, &facts)).await?;
     let (_, path) = path.map_err(Refusal::wrong)?;
     let mut response = json_reply(&path);
     response.headers_mut().insert(
@@ -36,15 +37,14 @@ pub(super) async fn path(
 
 /// The cameras of a path and nerfstudio's form of it.
 fn path_of(
-    keyframes: &Keyframes,
-    size: Option<[u32; 2]>,
+    path: &CameraPath,
     facts: &SceneFacts,
 ) -> Result<(Vec<impasto_scene::Camera>, Value), String> {
-    let keys = keyframes.cameras(size)?;
-    let flight = keyframes.flight(&keys);
-    let cameras = flight.cameras().map_err(|e| e.to_string())?;
-    let path = flight.nerfstudio(&facts.normalisation);
-    Ok((cameras, path.map_err(|e| e.to_string())?))
+    let cameras = cameras(path)?;
+    let text = path.to_nerfstudio(&facts.normalisation);
+    let text = text.map_err(|error| error.to_string())?;
+    let value = serde_json::from_str(&text).map_err(|error| error.to_string())?;
+    Ok((cameras, value))
 }
 
 pub(super) async fn film(
@@ -55,13 +55,17 @@ pub(super) async fn film(
     let facts = studio.scene()?;
     known(&request.format, &studio.formats.films, &studio.formats)?;
     let job = apart(move || {
-        let (cameras, path) = path_of(&request.path, Some(request.size), &facts)?;
+        let path = CameraPath {
+            size: request.size,
+            ..request.path
+        };
+        let (cameras, nerfstudio) = path_of(&path, &facts)?;
         let paint = paint(request.coats, &studio.gallery)?;
         studio.jobs.add(|folder| {
             Order::Film(Box::new(FilmOrder {
                 cameras,
-                path,
-                fps: request.path.fps,
+                path: nerfstudio,
+                fps: path.fps,
                 paint,
                 format: request.format,
                 side_by_side: request.side_by_side,

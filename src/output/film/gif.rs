@@ -1,4 +1,4 @@
-//! Moving pictures.
+//! Films that every browser shows, made without any other program.
 
 use std::cell::RefCell;
 use std::fs;
@@ -9,11 +9,12 @@ use std::rc::Rc;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, DynamicImage, RgbImage};
 
-use super::{Frame, Sink, write_file};
+use super::same_size;
 use crate::cli::CliError;
+use crate::output::write_file;
 
-/// Milliseconds per frame.
-const FRAME_TIME: u32 = 80;
+/// A GIF counts time in hundredths of a second.
+const TICKS: f64 = 100.0;
 /// NeuQuant looks at every tenth pixel for a palette: ten times faster, hardly worse.
 const QUANTISER_SPEED: i32 = 10;
 
@@ -33,20 +34,24 @@ impl Write for Bytes {
 }
 
 /// A GIF that repeats for ever; every frame has its own 256 colours.
-pub struct Film {
+pub struct Gif {
     path: PathBuf,
+    fps: f64,
     size: Option<(u32, u32)>,
+    frames: u32,
     bytes: Bytes,
     encoder: GifEncoder<Bytes>,
 }
 
-impl Film {
-    /// Begins a film that will be written to `path`.
-    pub fn new(path: &Path) -> Self {
+impl Gif {
+    /// Begins a film that will be written to `path`, of 0.1 to 50 frames a second.
+    pub fn new(path: &Path, fps: f64) -> Self {
         let bytes = Bytes::default();
         Self {
             path: path.to_owned(),
+            fps,
             size: None,
+            frames: 0,
             encoder: GifEncoder::new_with_speed(bytes.clone(), QUANTISER_SPEED),
             bytes,
         }
@@ -57,21 +62,25 @@ impl Film {
     /// # Errors
     /// When its size is not the first one's.
     pub fn add(&mut self, picture: RgbImage) -> Result<(), CliError> {
-        let size = picture.dimensions();
         let encode = CliError::encode(&self.path);
-        if self.size.is_none() {
-            if let Err(error) = self.encoder.set_repeat(Repeat::Infinite) {
-                return Err(encode(error));
-            }
-        } else if self.size != Some(size) {
-            let problem = "the views differ in size; give --size to make a film of them";
-            return Err(CliError::Refused(problem.into()));
+        if self.size.is_none()
+            && let Err(error) = self.encoder.set_repeat(Repeat::Infinite)
+        {
+            return Err(encode(error));
         }
-        self.size = Some(size);
+        same_size(&mut self.size, &picture)?;
         let pixels = DynamicImage::ImageRgb8(picture).into_rgba8();
-        let delay = Delay::from_numer_denom_ms(FRAME_TIME, 1);
+        let delay = Delay::from_numer_denom_ms(self.milliseconds(), 1);
         let frame = image::Frame::from_parts(pixels, 0, 0, delay);
+        self.frames += 1;
         self.encoder.encode_frame(frame).map_err(encode)
+    }
+
+    /// How long the next frame stays. What one is rounded by, the next make up for.
+    fn milliseconds(&self) -> u32 {
+        let at = |frames: u32| (f64::from(frames) * TICKS / self.fps).round();
+        let ticks = at(self.frames + 1) - at(self.frames);
+        10 * ticks as u32
     }
 
     /// Writes the film and tells its path.
@@ -82,35 +91,6 @@ impl Film {
             fs::write(path, &bytes).map_err(CliError::write(path))
         })?;
         Ok(self.path)
-    }
-}
-
-/// One film per variant.
-pub struct Films(Vec<Film>);
-
-impl Films {
-    /// Begins films at `path`, or at `path` with the variants' names before its ending where
-    /// there are several.
-    pub fn new(path: &Path, variants: &[String]) -> Self {
-        if variants.len() < 2 {
-            return Self(vec![Film::new(path)]);
-        }
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let film = |name: &String| Film::new(&path.with_file_name(format!("{stem}.{name}.gif")));
-        Self(variants.iter().map(film).collect())
-    }
-}
-
-impl Sink for Films {
-    fn add(&mut self, frame: Frame<'_>) -> Result<(), CliError> {
-        self.0
-            .iter_mut()
-            .zip(frame.pictures)
-            .try_for_each(|(film, picture)| film.add(picture))
-    }
-
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, CliError> {
-        self.0.into_iter().map(Film::finish).collect()
     }
 }
 
@@ -125,7 +105,7 @@ mod tests {
     fn a_film_has_its_frames_and_their_colours() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("clip.gif");
-        let mut film = Film::new(&path);
+        let mut film = Gif::new(&path, 12.5);
         for shade in [10, 200] {
             film.add(RgbImage::from_pixel(8, 6, image::Rgb([shade, 90, 60])))
                 .unwrap();
@@ -142,16 +122,36 @@ mod tests {
             shades[0].abs_diff(10) < 4 && shades[1].abs_diff(200) < 4,
             "{shades:?}"
         );
-        assert_eq!(frames[0].delay().numer_denom_ms(), (FRAME_TIME, 1));
+        assert_eq!(frames[0].delay().numer_denom_ms(), (80, 1));
     }
 
     #[test]
     fn frames_of_two_sizes_are_refused() {
-        let mut film = Film::new(Path::new("never-written.gif"));
+        let mut film = Gif::new(Path::new("never-written.gif"), 12.5);
         film.add(RgbImage::new(4, 4)).unwrap();
         assert!(matches!(
             film.add(RgbImage::new(4, 5)),
             Err(CliError::Refused(_))
         ));
+    }
+
+    #[test]
+    fn times_are_rounded_without_drifting() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clip.gif");
+        let mut film = Gif::new(&path, 24.0);
+        for _ in 0..24 {
+            film.add(RgbImage::new(2, 2)).unwrap();
+        }
+        film.finish().unwrap();
+        let decoder = GifDecoder::new(io::Cursor::new(fs::read(&path).unwrap())).unwrap();
+        let frames = decoder.into_frames().collect_frames().unwrap();
+        let times = frames.iter().map(|frame| frame.delay().numer_denom_ms());
+        let times: Vec<u32> = times.map(|(time, part)| time / part).collect();
+        assert_eq!(times.iter().sum::<u32>(), 1000);
+        assert!(
+            times.iter().all(|time| [40, 50].contains(time)),
+            "{times:?}"
+        );
     }
 }
