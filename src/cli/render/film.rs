@@ -9,7 +9,7 @@ use impasto::{Coat, Model, Stop};
 
 use super::Rendering;
 use crate::cli::CliError;
-use crate::output::{Ffmpeg, Layout, Target, View, Wanted};
+use crate::output::{Ffmpeg, FilmFormat, Layout, Target, View, Wanted};
 
 /// A film to be made.
 pub struct FilmOrder<'a> {
@@ -25,6 +25,17 @@ pub struct FilmOrder<'a> {
     pub output: &'a Path,
     /// Which ffmpeg makes those films that need one.
     pub ffmpeg: Ffmpeg,
+}
+
+/// What can be made with an ffmpeg that may be there, each with the ending of its file.
+pub fn film_formats(ffmpeg: &Ffmpeg) -> Vec<(&'static str, &'static str)> {
+    // A sequence of pictures, in one file.
+    let mut formats = vec![("png", "zip")];
+    let films = FilmFormat::ALL.into_iter();
+    let films = films.filter(|format| ffmpeg.encoder(*format, Path::new("")).is_ok());
+    formats.extend(films.map(|format| (format.ending(), format.ending())));
+    formats.sort_unstable();
+    formats
 }
 
 /// Renders a film, frame by frame as `impasto render --views` does from the same cameras.
@@ -174,6 +185,12 @@ mod tests {
             assert!(picture("frames") == picture("again"), "frame {frame}");
         }
         assert!(!at("again").join("0005.png").exists());
+    }
+
+    #[test]
+    fn what_needs_no_other_program_can_always_be_made() {
+        let none = film_formats(&Ffmpeg::new("no-such-ffmpeg".as_ref()));
+        assert_eq!(none, [("gif", "gif"), ("png", "zip")]);
     }
 
     #[test]
