@@ -9,9 +9,10 @@ use impasto::export::{ViewOptions, Views, Watch, export_points, export_splats};
 use serde_json::json;
 
 use super::device::DeviceArgs;
+use super::painting::StyleArg;
 use super::progress::Share;
 use super::render::{RenderSettings, Styles};
-use super::values::{StyleArg, clock, size};
+use super::values::{clock, size};
 use super::{Answer, CliError, interrupt};
 use crate::output::{check_folder, parent};
 

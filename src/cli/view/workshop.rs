@@ -1,15 +1,15 @@
 //! The studio's films and exports.
 
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use image::RgbImage;
+use impasto::export::{ViewOptions, Views, Watch, export_points, export_splats};
 use impasto::view::{ExportOrder, FilmOrder, Formats, Made, PaintOrder, Progress, Workshop};
 use impasto::{Coat, Model, Stop};
 
 use crate::cli::CliError;
-use crate::cli::render::{FilmOrder as Film, film};
-use crate::output::{Ffmpeg, FilmFormat};
+use crate::cli::render::{FilmOrder as Film, film, film_formats};
+use crate::output::Ffmpeg;
 
 /// The model that the studio shows, once there is one.
 pub type Shown = Arc<Mutex<Option<Arc<Model>>>>;
@@ -52,14 +52,10 @@ fn coats(model: &Model, paint: &PaintOrder) -> Result<Vec<Coat>, CliError> {
 
 impl Workshop for Bench {
     fn formats(&self) -> Formats {
-        let films = FilmFormat::ALL.into_iter();
-        let films = films.filter(|format| self.ffmpeg.can_write(*format));
+        let films = film_formats(&self.ffmpeg).into_iter();
         Formats {
-            films: films
-                .map(|format| format.ending().to_owned())
-                .chain(["png".to_owned()])
-                .collect(),
-            exports: ["splats", "points"].map(str::to_owned).to_vec(),
+            films: films.map(|(format, _)| format.to_owned()).collect(),
+            exports: ["points", "splats"].map(str::to_owned).to_vec(),
         }
     }
 
@@ -67,11 +63,9 @@ impl Workshop for Bench {
         let model = self.model()?;
         let say = |error: CliError| error.to_string();
         let coats = coats(&model, &order.paint).map_err(say)?;
-        // A series of pictures leaves as one file.
-        let ending = match order.format.as_str() {
-            "png" => "zip",
-            ending => ending,
-        };
+        let formats = film_formats(&self.ffmpeg);
+        let ending = formats.iter().find(|(format, _)| *format == order.format);
+        let (_, ending) = ending.ok_or("this machine cannot make such films any more")?;
         let output = order.folder.join(format!("{}.{ending}", file_name(&model)));
         let film_order = Film {
             cameras: &order.cameras,
@@ -87,16 +81,37 @@ impl Workshop for Bench {
     fn export(&mut self, order: &ExportOrder, progress: Progress<'_>, stop: &Stop) -> Made {
         let model = self.model()?;
         let coats = coats(&model, &order.paint).map_err(|error| error.to_string())?;
-        let output = order
-            .folder
-            .join(format!("{}-{}.ply", file_name(&model), order.kind));
-        export(&model, &coats, (&order.kind, &output), progress, stop)
+        let name = format!("{}-{}.ply", file_name(&model), order.kind);
+        let output = order.folder.join(name);
+        let mut progress = |_: &'static str, part: f64| progress(part);
+        let mut watch = Watch {
+            progress: &mut progress,
+            stop,
+        };
+        let made = Views::of_model(&model, &coats, &ViewOptions::default(), &mut watch).and_then(
+            |views| match order.kind.as_str() {
+                "points" => export_points(&views, &output, &mut watch),
+                _ => export_splats(&views, &output, &mut watch),
+            },
+        );
+        made.map_err(|error| error.to_string())?;
+        Ok(output)
     }
 }
 
 fn file_name(model: &Model) -> String {
     let name = model.file.scene.name.chars();
-    let plain = name.map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' });
+    let plain = name.map(|c| {
+        if c.is_ascii_alphanumeric() || c == '-' {
+            c
+        } else {
+            '_'
+        }
+    });
     let name: String = plain.take(40).collect();
-    if name.is_empty() { "scene".into() } else { name }
+    if name.is_empty() {
+        "scene".into()
+    } else {
+        name
+    }
 }
