@@ -49,9 +49,13 @@ export class Shelf {
   }
 
   build() {
-    // What favourites keep is a copy of what mostly stands on the shelf already.
-    const own = new Set([...this.known.values()].filter(({ id }) => !id.startsWith(SAVED)).map(({ name }) => name));
-    const all = [...this.known.values()].filter(({ id, name }) => !id.startsWith(SAVED) || !own.has(name));
+    // What favourites keep is a copy of what mostly stands on the shelf already, and has the end of
+    // its name.
+    const isSaved = ({ id }) => id.startsWith(SAVED);
+    const shelf = [...this.known.values()];
+    const own = shelf.filter((painting) => !isSaved(painting));
+    const isCopy = (painting) => isSaved(painting) && own.some(({ name }) => name.endsWith(painting.name));
+    const all = shelf.filter((painting) => !isCopy(painting));
     const words = at("find").value.trim().toLowerCase();
     const found = all.filter(({ name }) => name.toLowerCase().includes(words));
     at("shelf").replaceChildren(...found.map((painting) => this.entry(painting)));
