@@ -37,6 +37,7 @@
 #![warn(missing_docs)]
 
 pub use impasto_eval as eval;
+pub use impasto_export as export;
 pub use impasto_paintings as paintings;
 pub use impasto_prepare as prepare;
 pub use impasto_scene as scene;

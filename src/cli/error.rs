@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use impasto::eval::EvalError;
 use impasto::eval::study::StudyError;
+use impasto::export::ExportError;
 use impasto::prepare::PrepareError;
 use impasto::scene::SceneError;
 use impasto::scene::builtin::WriteCaptureError;
@@ -66,6 +67,9 @@ pub enum CliError {
     /// An evaluation.
     #[error(transparent)]
     Eval(#[from] EvalError),
+    /// Points or splats for other programs.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// A study with people.
     #[error(transparent)]
     Study(#[from] StudyError),

@@ -7,6 +7,7 @@ mod demo;
 mod device;
 mod error;
 mod eval;
+mod export;
 mod ffmpeg;
 mod info;
 mod interrupt;
@@ -57,6 +58,7 @@ enum Command {
     View(view::ViewArgs),
     Eval(eval::EvalArgs),
     Study(study::StudyArgs),
+    Export(export::ExportArgs),
     Info(info::InfoArgs),
     Weights(weights::WeightsArgs),
     Bench(bench::BenchArgs),
@@ -98,6 +100,7 @@ pub fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Study(args) => study::run(args),
+        Command::Export(args) => export::run(args),
         Command::Info(args) => info::run(args),
         Command::Weights(args) => weights::run(args),
         Command::Bench(args) => bench::run(args),

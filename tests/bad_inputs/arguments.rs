@@ -279,7 +279,7 @@ fn arguments() -> Vec<Case> {
             "render model -o new --coats coats.json",
             |d| {
                 let coat = r#"{"paintings": [{"painting": "styles/red.png"}], "strength": 3}"#;
-                write(d, "coats.json", &format!("{{\"coats\": [{coat}]}}"))
+                write(d, "coats.json", format!("{{\"coats\": [{coat}]}}"))
             },
             &["coats.json", "coat 1", "strength of 3", "0 to 1"],
         ),
@@ -288,7 +288,7 @@ fn arguments() -> Vec<Case> {
             "render model -o new --coats coats.json",
             |d| {
                 let coat = r#"{"paintings": [{"painting": "styles/gone.png"}]}"#;
-                write(d, "coats.json", &format!("{{\"coats\": [{coat}]}}"))
+                write(d, "coats.json", format!("{{\"coats\": [{coat}]}}"))
             },
             &["styles/gone.png", "cannot be read"],
         ),

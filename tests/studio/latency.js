@@ -38,8 +38,11 @@ const times = (page) => page.evaluate(() => window.studioTest.times);
 
 export async function latencies(hands, files) {
   await hands.turn(SIZE);
-  await hands.settled();
   const { page } = hands;
+  // One size for all tries.
+  await page.evaluate(() => localStorage.setItem("impasto-detail", "1280"));
+  await page.reload();
+  await hands.settled();
   const size = await page.evaluate(() => {
     const { width, height } = document.getElementById("view");
     return [width, height];

@@ -41,7 +41,6 @@ export class Controls {
   }
 
   press(event) {
-    this.canvas.focus({ preventScroll: true });
     if (event.button === 1) event.preventDefault();
     cancelAnimationFrame(this.glide);
     try {

@@ -61,7 +61,7 @@ export function numberField({ label, value, step = "any", min, max, onchange }) 
       if (Number.isFinite(number) && input.validity.valid) onchange(number);
     },
   });
-  input.value = Number.isFinite(value) ? String(Math.round(value * 1000) / 1000) : "";
+  input.value = Number.isFinite(value) ? String(Math.round(value * 100) / 100) : "";
   return input;
 }
 

@@ -16,6 +16,8 @@ export class Favourites {
       if (name === "") return;
       await request("PUT", address(name), { coats: coats.json() });
       at("favourite-form").reset();
+      // Its paintings are kept with it, under names of their own.
+      await this.shelf.load();
       await this.load();
       say(`${name} is saved with the model.`);
     }));

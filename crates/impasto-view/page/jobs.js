@@ -37,6 +37,9 @@ export class Jobs {
       }),
     }, EXPORTS[kind] ?? kind)));
     this.formats = films.length > 0;
+    at("film-needs").textContent = this.formats ? "A film follows the camera path: set at least two keyframes under Camera."
+      : "This machine can make no films.";
+    at("exports-section").hidden = exports.length === 0;
     this.update();
   }
 
@@ -48,7 +51,7 @@ export class Jobs {
 
   update() {
     const { paths } = this;
-    at("film-needs").hidden = paths.keyframes.length >= 2;
+    at("film-needs").hidden = this.formats && paths.keyframes.length >= 2;
     at("film-record").disabled = !paths.ready || !this.formats;
     const { seconds, fps } = paths.json(this.size);
     const frames = Math.max(1, Math.round(seconds * fps));

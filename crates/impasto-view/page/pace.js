@@ -4,6 +4,9 @@
 const REST_MS = 120;
 const LOST_MS = 3000;
 const WIDEST = 1280;
+const NARROWEST = 480;
+// As wide as is sharp within about so many seconds, where nothing else is chosen.
+const PATIENCE_S = 3;
 
 export class Pace {
   // `send(message)` gives the message an id and returns it; `stage` is the element that the picture fills.
@@ -11,12 +14,19 @@ export class Pace {
     this.camera = camera;
     this.stage = stage;
     this.send = send;
-    this.widest = WIDEST;
+    this.chosen = 0;
+    this.comfortable = 640;
+    this.rested = null;
     this.waiting = null;
     this.pending = false;
     this.scheduled = false;
     this.timer = 0;
     this.sent = new Map();
+  }
+
+  // Most pixels across: what was chosen, or what this machine does in a moment.
+  get widest() {
+    return this.chosen || this.comfortable;
   }
 
   // Of a view, in pixels: the stage's, even, at most `widest` wide.
@@ -49,7 +59,20 @@ export class Pace {
   rest() {
     clearTimeout(this.timer);
     this.waiting = null;
-    this.ask(false);
+    const id = this.ask(false);
+    this.rested = { id, begun: performance.now() };
+  }
+
+  // A picture at rest is sharp: how long that took says how large the next one may be. What is
+  // painted anew on a view that is there already says nothing.
+  finished({ view, viewWidth, viewHeight }) {
+    if (this.rested?.id !== view) return;
+    const seconds = Math.max(0.01, (performance.now() - this.rested.begun) / 1000);
+    this.rested = null;
+    const width = viewWidth * Math.sqrt(PATIENCE_S / seconds);
+    const { width: shown, height } = this.stage.getBoundingClientRect();
+    const likes = Math.abs(viewWidth / viewHeight - shown / height) < 0.1;
+    if (likes) this.comfortable = Math.max(NARROWEST, Math.min(WIDEST, 80 * Math.round(width / 80)));
   }
 
   ask(moving) {

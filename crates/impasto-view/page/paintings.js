@@ -6,6 +6,7 @@ import { guarded, say, warn } from "./notices.js";
 
 const LARGEST = 32 * 1024 * 1024;
 const MANY = 12;
+const SAVED = "saved:";
 const OURS = "application/x-impasto-painting";
 
 // The file's name as one would say it: without its ending and the number that sorts it.
@@ -48,8 +49,10 @@ export class Shelf {
   }
 
   build() {
+    // What favourites keep is a copy of what mostly stands on the shelf already.
+    const own = new Set([...this.known.values()].filter(({ id }) => !id.startsWith(SAVED)).map(({ name }) => name));
+    const all = [...this.known.values()].filter(({ id, name }) => !id.startsWith(SAVED) || !own.has(name));
     const words = at("find").value.trim().toLowerCase();
-    const all = [...this.known.values()];
     const found = all.filter(({ name }) => name.toLowerCase().includes(words));
     at("shelf").replaceChildren(...found.map((painting) => this.entry(painting)));
     at("find").hidden = all.length <= MANY;

@@ -82,7 +82,7 @@ export function toggleWide() {
   at("wide").title = `${label} (P)`;
 }
 
-// How wide the finest picture may be: less is quicker.
+// How wide the finest picture may be, 0 for as wide as is quick.
 export function setUpDetail(changed) {
   const name = "impasto-detail";
   const old = kept(name);

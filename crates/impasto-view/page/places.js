@@ -18,7 +18,10 @@ export class Places {
     this.start = Math.min(scene.start, Math.max(0, scene.photos.length - 1));
     this.focus = scene.focus;
     const chosen = at("photo").selectedIndex;
-    at("photo").replaceChildren(...scene.photos.map(({ name, split }) => el("option", {}, split === "test" ? `${name} (test)` : name)));
+    at("photo").replaceChildren(...scene.photos.map(({ name, split }) => {
+      const short = name.split("/").at(-1);
+      return el("option", {}, split === "test" ? `${short} (test)` : short);
+    }));
     at("photo").selectedIndex = first ? this.start : Math.min(chosen, scene.photos.length - 1);
     at("places").hidden = false;
     if (!first) return;

@@ -81,6 +81,7 @@ const jobs = new Jobs(coats, paths);
 new CoatList(coats, shelf, picker);
 
 function drawn(head) {
+  if (canvas.dataset.last === "1") pace.finished(head);
   const byView = pace.answered(head.view);
   const byCoats = brush.drawn(head.coats);
   const latency = byCoats ?? byView;
@@ -166,7 +167,7 @@ setUpTabs((name) => {
 setUpTheme(() => states.redraw());
 setUpHelp();
 setUpDetail((widest) => {
-  pace.widest = widest;
+  pace.chosen = widest;
   pace.rest();
 });
 setUpKeys({ controls, places, paths, coats, picker, brush, toggleWide });

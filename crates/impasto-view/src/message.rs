@@ -9,6 +9,8 @@ use crate::path::check_size;
 
 /// Largest message of a page, in bytes.
 pub(crate) const LARGEST: usize = 64 << 10;
+/// Longest problem that is told, in characters.
+const LONGEST_PROBLEM: usize = 500;
 
 #[derive(Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
@@ -108,6 +110,8 @@ pub(crate) fn checked(coats: Vec<CoatSpec>) -> Result<Coats, String> {
 }
 
 pub(crate) fn problem(message: &str, id: Option<u64>) -> String {
+    // What a page sends wrong is quoted, but not all of it.
+    let message: String = message.chars().take(LONGEST_PROBLEM).collect();
     let mut said = json!({"type": "problem", "message": message});
     if let Some(id) = id {
         said["id"] = id.into();

@@ -27,7 +27,9 @@ pub(crate) fn cameras(path: &CameraPath) -> Result<Vec<Camera>, String> {
     check_size([path.size.0, path.size.1])?;
     let keys = path.keyframes.len();
     if keys == 0 || keys > MOST_KEYS {
-        return Err(format!("a path needs 1 to {MOST_KEYS} keyframes, not {keys}"));
+        return Err(format!(
+            "a path needs 1 to {MOST_KEYS} keyframes, not {keys}"
+        ));
     }
     if !(1..=MOST_FRAMES).contains(&path.frames()) {
         return Err(format!(

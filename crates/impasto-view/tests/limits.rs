@@ -104,17 +104,17 @@ fn a_page_that_reads_nothing_is_closed() {
         ..Limits::default()
     });
     let mut deaf = studio.page();
-    // Frames as large as they can be, acknowledged unseen, until the system's buffers are full.
+    // Large frames, acknowledged unseen, until the system's buffers are full.
     let mut closed = false;
-    for id in 1..400u32 {
+    for id in 1..2000u32 {
         let mut pose = identity();
-        pose[12] = f64::from(id) * 0.001;
+        pose[12] = f64::from(id) * 0.0001;
         let messages = [
             json!({
                 "type": "view", "id": id, "camera_to_world": pose, "fov": 50.0,
                 "size": [2048, 2048], "moving": true,
             }),
-            json!({"type": "ack", "frame": id.saturating_sub(2)}),
+            json!({"type": "ack", "frame": id / 20}),
         ];
         let sent = messages.iter().all(|message| {
             let message = tokio_tungstenite::tungstenite::Message::text(message.to_string());
@@ -149,7 +149,7 @@ fn malformed_messages_are_problems_and_at_last_the_end() {
         ("size", json!([0, 0]), "0×0"),
         ("size", json!([5000, 5000]), "5000×5000"),
         ("fov", json!(171), "171"),
-        ("fov", json!(1e999_f64.min(f64::MAX)), "field of view"),
+        ("fov", json!(1e300), "field of view"),
         ("camera_to_world", json!(vec![0.5; 16]), "pose"),
         ("camera_to_world", json!([1]), "not understood"),
     ] {

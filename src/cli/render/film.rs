@@ -1,7 +1,5 @@
 //! Films of a painted scene, for whoever has the model and the paint already.
 
-#![cfg_attr(not(test), expect(dead_code, reason = "for the studio's jobs"))]
-
 use std::path::{Path, PathBuf};
 
 use impasto::scene::Camera;

@@ -15,6 +15,7 @@ use clap::Args;
 use impasto::{Coat, Keep, MaskSpec, Model};
 use serde_json::json;
 
+pub use self::film::{FilmOrder, film, film_formats};
 pub use self::frames::Rendering;
 pub use self::job::{KnownModel, distinguished};
 pub use self::styles::Styles;

@@ -1,18 +1,23 @@
 //! `impasto view`.
 
+mod workshop;
+
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Instant;
 
 use clap::Args;
-use impasto::view::{Limits, ModelPainter, NoWorkshop, Opening, Server, ViewOptions};
+use impasto::view::{Limits, ModelPainter, Opening, Server, ViewOptions};
 use impasto::{Device, Model};
 use impasto_train::MODEL_FILE;
 use serde_json::json;
 
+use self::workshop::{Bench, Shown};
 use super::device::DeviceArgs;
+use super::ffmpeg::FfmpegArgs;
 use super::{Answer, CliError, console, interrupt};
+use crate::output::Ffmpeg;
 
 /// Open the studio: walk through a scene and paint it, in a browser
 ///
@@ -34,6 +39,8 @@ pub struct ViewArgs {
     #[arg(long, value_name = "ADDRESS")]
     host: Option<IpAddr>,
     #[command(flatten)]
+    ffmpeg: FfmpegArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -41,9 +48,10 @@ pub struct ViewArgs {
 pub fn run(args: &ViewArgs) -> Result<Answer, CliError> {
     let start = Instant::now();
     let device = args.device.open()?;
+    let shown = Shown::default();
     let first = match is_in_training(&args.model) {
         true => None,
-        false => Some(painter(&args.model, &device)?),
+        false => Some(painter(&args.model, &device, &shown)?),
     };
     let scratch = tempfile::tempdir().map_err(CliError::write(&std::env::temp_dir()))?;
     let server = Server::bind(ViewOptions {
@@ -63,13 +71,14 @@ pub fn run(args: &ViewArgs) -> Result<Answer, CliError> {
         "the studio is open at {} (Ctrl-C closes it)",
         server.link()
     ));
+    let bench = Bench::new(Arc::clone(&shown), Ffmpeg::new(&args.ffmpeg.program));
     let model = args.model.clone();
     let opening = Opening {
         first,
-        again: Box::new(move || painter(&model, &device).map_err(|e| e.to_string())),
+        again: Box::new(move || painter(&model, &device, &shown).map_err(|e| e.to_string())),
     };
     let address = server.address();
-    server.run(opening, Box::new(NoWorkshop), &stop)?;
+    server.run(opening, Box::new(bench), &stop)?;
     Ok(Answer {
         text: "the studio is closed".into(),
         json: json!({
@@ -79,9 +88,12 @@ pub fn run(args: &ViewArgs) -> Result<Answer, CliError> {
     })
 }
 
-fn painter(model: &Path, device: &Device) -> Result<ModelPainter, CliError> {
-    let model = Model::load_on(model, device.clone())?;
-    Ok(ModelPainter::new(Arc::new(model)))
+fn painter(model: &Path, device: &Device, shown: &Shown) -> Result<ModelPainter, CliError> {
+    let model = Arc::new(Model::load_on(model, device.clone())?);
+    let mut slot = shown.lock().unwrap_or_else(PoisonError::into_inner);
+    *slot = Some(Arc::clone(&model));
+    drop(slot);
+    Ok(ModelPainter::new(model))
 }
 
 /// Whether a folder is that of a run which has not written its model yet.

@@ -1,0 +1,175 @@
+//! From depths to surfaces: smoothed depths and normals.
+
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+use crate::views::{Lens, Seen};
+
+/// Half the side of the window that a plane is fitted to.
+const REACH: i32 = 2;
+/// Least share of a window that must lie on the plane of its middle. Less is an edge, or noise.
+const LEAST_SHARE: f32 = 0.4;
+/// Radius at which what is infinitely far, or farther than this, is put: far enough for hardly
+/// any parallax, near enough for viewers with a far plane.
+pub(crate) const SKY: f32 = 60.0;
+
+/// How far two depths of one surface may differ: a share of the depth, which far away grows as an
+/// uncertain parallax makes it.
+pub(crate) fn tolerance(depth: f32) -> f32 {
+    depth * (0.02 + 0.01 * depth)
+}
+
+/// Whether two depths can be one surface's.
+pub(crate) fn agree(a: f32, b: f32) -> bool {
+    (a - b).abs() < tolerance(a.min(b))
+}
+
+/// What a view shows at one pixel.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    /// Along the camera's axis; finite.
+    pub depth: f32,
+    /// In scene space, towards the camera; zero where depths say nothing of it.
+    pub normal: Vec3,
+    /// Whether it lies at the greatest distance there is.
+    pub sky: bool,
+}
+
+/// Samples of all pixels, row by row.
+pub(crate) fn samples(view: &Seen) -> Vec<Sample> {
+    let lens = &view.lens;
+    let depths: Vec<(f32, bool)> = (0..view.depth.len())
+        .into_par_iter()
+        .map(|i| limited(lens, i % lens.width, i / lens.width, view.depth[i]))
+        .collect();
+    (0..depths.len())
+        .into_par_iter()
+        .map(|i| sample(lens, &depths, i % lens.width, i / lens.width))
+        .collect()
+}
+
+/// A depth, or that at which a ray comes to the sky if it is less.
+fn limited(lens: &Lens, x: usize, y: usize, depth: f32) -> (f32, bool) {
+    let direction = lens.rotation * lens.aim(x, y);
+    let (a, b) = (direction.length_squared(), direction.dot(lens.centre));
+    let c = lens.centre.length_squared() - SKY * SKY;
+    let sky = ((b * b - a * c).max(0.0).sqrt() - b) / a;
+    match depth.is_finite() && depth < sky {
+        true => (depth.max(1e-6), false),
+        false => (sky.max(1e-6), true),
+    }
+}
+
+/// On a plane the inverse depth is affine in the image, so the plane is a least-squares fit.
+fn sample(lens: &Lens, depths: &[(f32, bool)], x: usize, y: usize) -> Sample {
+    let (depth, sky) = depths[y * lens.width + x];
+    let aim = lens.aim(x, y);
+    if sky {
+        return Sample {
+            depth,
+            normal: -(lens.rotation * aim).normalize(),
+            sky,
+        };
+    }
+    let (mut products, mut right, mut count, mut all) = (Mat3::ZERO, Vec3::ZERO, 0.0, 0.0);
+    for dy in -REACH..=REACH {
+        for dx in -REACH..=REACH {
+            let (u, v) = (x as i32 + dx, y as i32 + dy);
+            if u < 0 || v < 0 || u >= lens.width as i32 || v >= lens.height as i32 {
+                continue;
+            }
+            all += 1.0;
+            let (other, far) = depths[v as usize * lens.width + u as usize];
+            if far || (other - depth).abs() > 2.0 * tolerance(other.min(depth)) {
+                continue;
+            }
+            let row = Vec3::new(dx as f32, dy as f32, 1.0);
+            products += Mat3::from_cols(row * row.x, row * row.y, row);
+            right += row * (depth / other);
+            count += 1.0;
+        }
+    }
+    let none = Sample {
+        depth,
+        normal: Vec3::ZERO,
+        sky,
+    };
+    // A row of pixels, or too few, have no plane.
+    if count < LEAST_SHARE * all || products.determinant() < 1.0 {
+        return none;
+    }
+    let fit = products.inverse() * right / depth;
+    if fit.z <= 0.0 {
+        return none;
+    }
+    let slope = fit.truncate() * lens.focal;
+    let plane = slope.extend(fit.z - slope.dot(aim.truncate()));
+    Sample {
+        depth: 1.0 / fit.z,
+        normal: -(lens.rotation * plane).normalize_or_zero(),
+        sky,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+
+    fn lens() -> Lens {
+        Lens {
+            width: 9,
+            height: 7,
+            focal: Vec2::new(10.0, 11.0),
+            middle: Vec2::new(4.0, 3.6),
+            centre: Vec3::new(0.1, -0.2, 0.3),
+            rotation: Mat3::from_rotation_y(0.4) * Mat3::from_rotation_x(-0.2),
+        }
+    }
+
+    #[test]
+    fn a_plane_has_its_own_normal_and_depths() {
+        let lens = lens();
+        // In camera space: normal · point = −1, in front of the camera and facing it.
+        let normal = Vec3::new(0.3, -0.2, -1.0);
+        let depth = |i: usize| -1.0 / normal.dot(lens.aim(i % 9, i / 9));
+        let view = Seen {
+            lens,
+            colours: vec![Vec3::ZERO; 63],
+            depth: (0..63).map(depth).collect(),
+        };
+        for (i, sample) in samples(&view).iter().enumerate() {
+            let wanted = lens.rotation * normal.normalize();
+            assert!((sample.normal - wanted).length() < 1e-3, "{sample:?}");
+            assert!((sample.depth - depth(i)).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn what_is_infinitely_far_lies_on_the_sky() {
+        let lens = lens();
+        let view = Seen {
+            lens,
+            colours: vec![Vec3::ZERO; 63],
+            depth: vec![f32::INFINITY; 63],
+        };
+        for (i, sample) in samples(&view).iter().enumerate() {
+            let point = lens.point(i % 9, i / 9, sample.depth);
+            assert!(sample.sky && (point.length() - SKY).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn a_lonely_pixel_has_no_normal() {
+        let lens = lens();
+        let mut depth = vec![5.0; 63];
+        depth[31] = 1.0;
+        let view = Seen {
+            lens,
+            colours: vec![Vec3::ZERO; 63],
+            depth,
+        };
+        assert_eq!(samples(&view)[31].normal, Vec3::ZERO);
+        assert_ne!(samples(&view)[32].normal, Vec3::ZERO);
+    }
+}
