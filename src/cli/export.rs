@@ -81,15 +81,15 @@ pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
             "an export is one file: give -o FILE.ply".into(),
         ));
     }
-    let styles = match &args.coats {
-        Some(path) => Styles::read_coats(path)?,
-        None => Styles::read(&args.styles)?,
-    };
     if args.styles.len() > 1 && args.styles.iter().all(|style| style.weight.is_none()) {
         return Err(CliError::Usage(
             "an export has one look: give each --style a weight (IMAGE:0.5) to mix them".into(),
         ));
     }
+    let styles = match &args.coats {
+        Some(path) => Styles::read_coats(path)?,
+        None => Styles::read(&args.styles)?,
+    };
     check_folder(&parent(&args.output))?;
     let model = Model::load_on(&args.model, args.device.open()?)?;
     let mut variants = styles.variants(&model, None, &args.settings)?;

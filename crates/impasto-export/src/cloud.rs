@@ -14,7 +14,7 @@ const COVERED: f32 = 0.75;
 const TOO_COARSE: f32 = 2.0;
 /// Smallest cosine between a normal and the ray: what is seen more slantingly than this has its
 /// points no longer than this says.
-const LEAST_COSINE: f32 = 0.25;
+pub(crate) const LEAST_COSINE: f32 = 0.3;
 /// Spacing of points on the sky, in pixels: it has little detail.
 const SKY_SPACING: f32 = 3.0;
 /// Other views contradict a point if they see this many tolerances behind it.
@@ -31,9 +31,10 @@ pub(crate) struct Surfel {
     pub colour: Vec3,
     /// Distance to its neighbours.
     pub spacing: f32,
-    /// Along this, in the surface, neighbours are `stretch` times as far.
-    pub slant: Vec3,
-    /// At least 1.
+    /// Direction of length 1 to the camera that shows it best.
+    pub toward: Vec3,
+    /// How many times as far neighbours are in the direction in which the surface runs away from
+    /// that camera; at least 1.
     pub stretch: f32,
     /// Whether it is part of the sky.
     pub sky: bool,
@@ -152,9 +153,9 @@ impl Canvas<'_> {
             surfel.normal = normal.normalize_or(surfel.normal);
         }
         surfel.weight = sum;
-        let slant = slant(surfel.normal, ray);
-        if own * slant.1 < surfel.spacing * surfel.stretch {
-            (surfel.slant, surfel.stretch) = slant;
+        let stretch = 1.0 / cosine;
+        if own * stretch < surfel.spacing * surfel.stretch {
+            (surfel.toward, surfel.stretch) = (-ray.normalize_or_zero(), stretch);
         }
         self.cover((x, y), depth, surfel.spacing / footprint);
         true
@@ -174,16 +175,16 @@ impl Canvas<'_> {
         let footprint = lens.footprint(sample.depth);
         let pixels = self.spacing * if sample.sky { SKY_SPACING } else { 1.0 };
         self.cover((x, y), sample.depth, pixels);
-        let (slant, stretch) = slant(normal, ray);
+        let cosine = cosine(normal, ray);
         Surfel {
             position,
             normal,
             colour: self.view.colours[index],
             spacing: pixels * footprint,
-            slant,
-            stretch,
+            toward: -ray.normalize_or_zero(),
+            stretch: 1.0 / cosine,
             sky: sample.sky,
-            weight: weight(cosine(normal, ray), footprint),
+            weight: weight(cosine, footprint),
         }
     }
 
@@ -211,14 +212,6 @@ fn cosine(normal: Vec3, ray: Vec3) -> f32 {
 /// What is seen from near and face to face counts most.
 fn weight(cosine: f32, footprint: f32) -> f32 {
     (cosine / footprint.max(1e-9)).powi(2)
-}
-
-/// The direction in a surface in which it runs away from a ray, and how many times as long as
-/// they look things are along it.
-fn slant(normal: Vec3, ray: Vec3) -> (Vec3, f32) {
-    let unit = ray.normalize_or_zero();
-    let along = (unit - normal * unit.dot(normal)).normalize_or(normal.any_orthonormal_vector());
-    (along, 1.0 / cosine(normal, ray))
 }
 
 /// Whether at least as many views show a point as see what is clearly behind it.

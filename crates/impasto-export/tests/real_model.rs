@@ -4,6 +4,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 
+#[allow(dead_code, reason = "the other test looks closer at files")]
 mod independent;
 
 use std::path::Path;
