@@ -11,12 +11,15 @@ use impasto_train::Stop;
 use serde_json::{Value, json};
 
 use crate::clients::Clients;
+use crate::gallery::Gallery;
 use crate::workshop::{ExportOrder, FilmOrder, Made, Workshop};
 
 /// Jobs that may wait.
 const WAITING: usize = 8;
 /// Jobs whose files are kept.
 const KEPT: usize = 16;
+/// Most bytes of a job's paintings, decoded.
+const PAINTINGS: usize = 1 << 30;
 /// How often a sleeping workshop looks whether the studio closes.
 const LOOK: Duration = Duration::from_millis(200);
 /// A job steps back while somebody waits for a picture, so often for so long, between two steps.
@@ -36,6 +39,27 @@ impl Order {
             Self::Film(film) => &film.folder,
             Self::Export(export) => &export.folder,
         }
+    }
+
+    /// Reads the paintings that it needs.
+    fn read_paintings(&mut self, gallery: &Gallery) -> Result<(), String> {
+        let paint = match self {
+            Self::Film(film) => &mut film.paint,
+            Self::Export(export) => &mut export.paint,
+        };
+        let mut bytes = 0;
+        for spec in paint.coats.coats.iter().flat_map(|coat| &coat.paintings) {
+            if paint.paintings.iter().any(|(id, _)| *id == spec.painting) {
+                continue;
+            }
+            let picture = gallery.picture(&spec.painting)?;
+            bytes += picture.as_raw().len();
+            if bytes > PAINTINGS {
+                return Err("its paintings are too large all together; use smaller ones".into());
+            }
+            paint.paintings.push((spec.painting.clone(), picture));
+        }
+        Ok(())
     }
 }
 
@@ -164,10 +188,10 @@ impl Jobs {
     pub(crate) fn run(
         self: &Arc<Self>,
         workshop: &mut dyn Workshop,
-        clients: &Clients,
+        (clients, gallery): (&Clients, &Gallery),
         stop: &Stop,
     ) {
-        while let Some((id, order, stopped)) = self.next(stop) {
+        while let Some((id, mut order, stopped)) = self.next(stop) {
             let mut progress = |part: f64| {
                 self.set(id, State::Running(part.clamp(0.0, 1.0)));
                 for _ in 0..STEPS_BACK {
@@ -180,10 +204,11 @@ impl Jobs {
                     std::thread::sleep(STEP_BACK);
                 }
             };
-            let made = match &order {
+            let read = order.read_paintings(gallery);
+            let made = read.and_then(|()| match &order {
                 Order::Film(film) => workshop.film(film, &mut progress, &stopped),
                 Order::Export(export) => workshop.export(export, &mut progress, &stopped),
-            };
+            });
             let is_kept = self.set(id, finished(&order, made));
             if !is_kept {
                 remove_folder(order.folder());

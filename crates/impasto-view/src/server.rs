@@ -154,11 +154,12 @@ impl Server {
         };
         let follower = Follower::new(&options.model, opening.again, arriving, shared.clone());
         let (jobs, clients) = (shared.jobs.clone(), shared.clients.clone());
+        let gallery = shared.gallery.clone();
         let threads = [
             spawn("render", &close, move |stop| rendering.run(stop))?,
             spawn("follow", &close, move |stop| follower.run(stop))?,
             spawn("workshop", &close, move |stop| {
-                jobs.run(workshop.as_mut(), &clients, stop);
+                jobs.run(workshop.as_mut(), (&clients, &gallery), stop);
             })?,
         ];
         let studio = Arc::new(Studio::new(own, shared));

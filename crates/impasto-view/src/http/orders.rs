@@ -109,17 +109,16 @@ fn known(wanted: &str, list: &[String], all: &Formats) -> Result<(), Refusal> {
     )))
 }
 
-/// Coats with their paintings, read now: an upload may be gone when the job's turn comes.
+/// Coats whose paintings there are. They are read when the job's turn comes: many may wait.
 fn paint(coats: Vec<CoatSpec>, gallery: &Gallery) -> Result<PaintOrder, String> {
     let coats: Coats = checked(coats)?;
-    let mut paintings: Vec<(String, image::RgbImage)> = Vec::new();
     for spec in coats.coats.iter().flat_map(|coat| &coat.paintings) {
-        if !paintings.iter().any(|(id, _)| *id == spec.painting) {
-            let picture = gallery.picture(&spec.painting)?;
-            paintings.push((spec.painting.clone(), picture));
-        }
+        gallery.file(&spec.painting)?;
     }
-    Ok(PaintOrder { coats, paintings })
+    Ok(PaintOrder {
+        coats,
+        paintings: Vec::new(),
+    })
 }
 
 fn number(id: &str) -> Result<u64, Refusal> {

@@ -11,10 +11,12 @@ use axum::response::Response;
 use serde::Deserialize;
 use tokio::time::timeout;
 
-use super::reply::{Refusal, bytes, json_reply, of_type, too_large};
+use super::reply::{Refusal, bytes, drain, json_reply, of_type, too_large};
 use super::{Studio, apart};
 use crate::gallery::Untaken;
 
+/// Times the largest upload that is taken in to be refused.
+const DRAINED: u64 = 4;
 /// How long an upload may wait for those before it.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -49,7 +51,10 @@ pub(super) async fn upload(
     let most = studio.limits.upload;
     let length = headers.get(header::CONTENT_LENGTH);
     let length = length.and_then(|l| l.to_str().ok()?.parse::<u64>().ok());
-    if length.is_some_and(|length| length > most as u64) {
+    if let Some(length) = length.filter(|length| *length > most as u64) {
+        if length <= DRAINED * most as u64 {
+            drain(body, studio.limits.body).await;
+        }
         return Err(too_large(most));
     }
     let permit = timeout(PATIENCE, studio.uploads.acquire()).await;

@@ -1,8 +1,10 @@
 //! Answers and refusals.
 
+use std::future::poll_fn;
+use std::pin::Pin;
 use std::time::Duration;
 
-use axum::body::{Body, to_bytes};
+use axum::body::{Body, HttpBody, to_bytes};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -88,6 +90,15 @@ pub(super) async fn bytes(
             format!("the request took longer than {} seconds", time.as_secs()),
         )),
     }
+}
+
+/// Takes a body in without keeping it: a browser that is refused while it still sends cannot show why.
+pub(super) async fn drain(mut body: Body, time: Duration) {
+    let all = async {
+        while let Some(Ok(_)) = poll_fn(|context| Pin::new(&mut body).poll_frame(context)).await {}
+    };
+    // Who takes longer is cut off.
+    let _ = tokio::time::timeout(time, all).await;
 }
 
 /// The refusal of a body that is too large, or was broken off on the way.
