@@ -124,7 +124,7 @@ pub fn rasterise(ply: &Ply, camera: &Camera) -> Vec<f32> {
             }
         }
     }
-    let channels = picture.iter().flat_map(|c| c.to_array());
+    let channels = picture.iter().flat_map(DVec3::to_array);
     channels.map(|c| c as f32).collect()
 }
 
