@@ -242,7 +242,8 @@ impl Share {
 
     /// Shows that this much is done, and more about it.
     pub fn show(&mut self, progress: f64, measures: &str) {
-        let left = self.start.elapsed().as_secs_f64() * (1.0 / progress.max(1e-9) - 1.0);
+        // Infinite at first, which reads as unknown.
+        let left = self.start.elapsed().as_secs_f64() * (1.0 / progress - 1.0);
         let message = format!("{measures}  ETA {}", clock(left));
         self.face.show(progress, message);
     }

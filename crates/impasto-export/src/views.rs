@@ -219,8 +219,8 @@ impl Lens {
         (inside && x < self.width && y < self.height).then_some((x, y, local.z))
     }
 
-    /// Length across a pixel at a depth.
+    /// Length along the longer side of a pixel at a depth.
     pub fn footprint(&self, depth: f32) -> f32 {
-        depth / self.focal.max_element()
+        depth / self.focal.min_element()
     }
 }

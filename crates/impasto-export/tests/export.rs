@@ -2,6 +2,7 @@
 //! program reads and draws them.
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+#![allow(clippy::print_stdout, reason = "figures, and why a test was skipped")]
 
 mod independent;
 

@@ -3,6 +3,7 @@
 //! `IMPASTO_EXPORT_MODEL=model IMPASTO_EXPORT_STYLE=painting.jpg`; skipped without.
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+#![allow(clippy::print_stdout, reason = "figures, and why a test was skipped")]
 
 #[allow(dead_code, reason = "the other test looks closer at files")]
 mod independent;
