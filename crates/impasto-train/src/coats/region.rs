@@ -175,7 +175,7 @@ mod tests {
                 .into_iter()
                 .chain([(Vec3::splat(f32::NAN), Vec3::ONE)]),
         );
-        assert_eq!(far.cells.len(), 3);
+        assert_eq!(far.cells.len(), 4);
         let region = far.region(Vec3::new(1e9, 0.0, 0.0), 0.1).unwrap();
         assert!(region.share(Vec3::new(1e6, 0.0, 0.0)) > 0.9);
     }
