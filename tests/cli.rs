@@ -1,58 +1,15 @@
 //! The command as its users run it: wrong input, and the whole way from photos to pictures.
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
+mod common;
 #[path = "cli/study.rs"]
 mod study;
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 
-use impasto::scene::builtin::{BuiltinOptions, write_capture};
+use common::{capture, everything, impasto, text};
 use serde_json::{Value, json};
-use tempfile::TempDir;
-
-/// Runs the command with its arguments split at blanks, in `folder`.
-fn impasto(folder: &Path, arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_impasto"))
-        .args(arguments.split_whitespace())
-        .current_dir(folder)
-        // Relative, so each test has its own; nothing is made of it where nothing is measured.
-        .env("IMPASTO_CACHE", "cache")
-        .output()
-        .expect("the binary starts")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// A folder with a small capture of the built-in scene in `scene`.
-fn capture() -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let options = BuiltinOptions {
-        photos: 8,
-        width: 56,
-        height: 42,
-        ..BuiltinOptions::default()
-    };
-    write_capture(&folder.path().join("scene"), &options).unwrap();
-    folder
-}
-
-/// All paths below a folder.
-fn everything(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            found.extend(everything(&path));
-        }
-        found.push(path);
-    }
-    found.sort();
-    found
-}
 
 /// The command must fail with exit code 1 and one line that names `what`, and change no file.
 fn refused(folder: &Path, arguments: &str, what: &[&str]) {

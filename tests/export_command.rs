@@ -2,21 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 
+mod common;
+
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
-use impasto::scene::builtin::{BuiltinOptions, write_capture};
+use common::{capture, impasto};
 use serde_json::Value;
-
-fn impasto(folder: &Path, arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_impasto"))
-        .args(arguments.split_whitespace())
-        .current_dir(folder)
-        .env("IMPASTO_CACHE", "cache")
-        .output()
-        .expect("the binary starts")
-}
 
 /// It must end with this code and an error that says this, and leave the folder as it was.
 fn refused(folder: &Path, arguments: &str, code: i32, what: &str) {
@@ -31,15 +23,8 @@ fn refused(folder: &Path, arguments: &str, code: i32, what: &str) {
 
 #[test]
 fn a_model_becomes_files_for_other_programs() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = capture();
     let at = folder.path();
-    let options = BuiltinOptions {
-        photos: 8,
-        width: 56,
-        height: 42,
-        ..BuiltinOptions::default()
-    };
-    write_capture(&at.join("scene"), &options).unwrap();
     refused(at, "export scene -o out.ply", 1, "no model");
     let trained = impasto(at, "train scene -o model --stage geometry --steps 60");
     assert!(trained.status.success(), "{trained:?}");

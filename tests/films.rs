@@ -3,13 +3,15 @@
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 
+mod common;
+
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::LazyLock;
 
+use common::{capture, command, everything, paintings};
 use image::{AnimationDecoder, RgbImage};
-use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -17,10 +19,7 @@ const ORBIT: &str = "render model --views orbit --frames 6 --size 64x48";
 
 /// Runs the command with its arguments split at blanks, in `folder`.
 fn impasto(folder: &Path, arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_impasto"))
-        .args(arguments.split_whitespace())
-        .current_dir(folder)
-        .env("IMPASTO_CACHE", "cache")
+    command(folder, arguments)
         .env("IMPASTO_DEVICE", "cpu")
         .env_remove("IMPASTO_FFMPEG")
         .output()
@@ -45,38 +44,10 @@ fn refused(folder: &Path, arguments: &str, code: i32) -> String {
     errors.collect::<Vec<_>>().join("\n")
 }
 
-fn everything(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            found.extend(everything(&path));
-        }
-        found.push(path);
-    }
-    found.sort();
-    found
-}
-
 /// A folder with a model that was trained for seconds.
 static TRAINED: LazyLock<TempDir> = LazyLock::new(|| {
-    let folder = tempfile::tempdir().unwrap();
-    let options = BuiltinOptions {
-        photos: 8,
-        width: 64,
-        height: 48,
-        ..BuiltinOptions::default()
-    };
-    write_capture(&folder.path().join("scene"), &options).unwrap();
-    fs::create_dir(folder.path().join("paintings")).unwrap();
-    for (name, shade) in [("red.png", 180), ("grey.png", 90)] {
-        let picture = RgbImage::from_fn(64, 64, |x, y| {
-            image::Rgb([shade, (x * 3) as u8, ((x ^ y) * 4) as u8])
-        });
-        picture
-            .save(folder.path().join("paintings").join(name))
-            .unwrap();
-    }
+    let folder = capture();
+    paintings(folder.path());
     let settings = [
         "style.patch=[36,44]",
         "style.generated=6",

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 
-use std::process::Command;
+mod common;
 
-use impasto::scene::builtin::{BuiltinOptions, write_capture};
+use std::process::Command;
 
 #[test]
 fn no_memory_left_is_a_sentence() {
@@ -12,14 +12,7 @@ fn no_memory_left_is_a_sentence() {
         eprintln!("skipped: IMPASTO_DEVICE names no GPU");
         return;
     }
-    let folder = tempfile::tempdir().unwrap();
-    let options = BuiltinOptions {
-        photos: 8,
-        width: 56,
-        height: 42,
-        ..BuiltinOptions::default()
-    };
-    write_capture(&folder.path().join("scene"), &options).unwrap();
+    let folder = common::capture();
     // Forty gigabytes for each of a step's buffers.
     let rays = 10_000_000;
     let output = Command::new(env!("CARGO_BIN_EXE_impasto"))

@@ -3,13 +3,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, SystemTime};
 
-use impasto::scene::builtin::{BuiltinOptions, write_capture};
+use common::{capture, command, paintings, text};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -23,20 +25,6 @@ const SMALL: [&str; 7] = [
     "field.outer.encoding.hash_grid.log2_entries=12",
     "geometry.samples=20000",
 ];
-
-/// The command with its arguments split at blanks, in `folder`.
-fn command(folder: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_impasto"));
-    command
-        .args(arguments.split_whitespace())
-        .current_dir(folder)
-        .env("IMPASTO_CACHE", "cache");
-    command
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 fn done(output: &Output) -> Value {
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -63,23 +51,8 @@ fn refused(folder: &Path, arguments: &str, code: i32, what: &[&str]) {
 
 /// A folder with a capture of the built-in scene and two paintings.
 fn material() -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let options = BuiltinOptions {
-        photos: 8,
-        width: 56,
-        height: 42,
-        ..BuiltinOptions::default()
-    };
-    write_capture(&folder.path().join("scene"), &options).unwrap();
-    fs::create_dir(folder.path().join("paintings")).unwrap();
-    for (name, shade) in [("red.png", 180), ("grey.png", 90)] {
-        let picture = image::RgbImage::from_fn(64, 64, |x, y| {
-            image::Rgb([shade, (x * 3) as u8, ((x ^ y) * 4) as u8])
-        });
-        picture
-            .save(folder.path().join("paintings").join(name))
-            .unwrap();
-    }
+    let folder = capture();
+    paintings(folder.path());
     folder
 }
 

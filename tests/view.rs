@@ -2,43 +2,25 @@
 
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 
+mod common;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use impasto::scene::builtin::{BuiltinOptions, write_capture};
+use common::{capture, command, impasto};
 use serde_json::{Value, json};
 
 /// Longer than anything here takes, however busy the machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 const HEAD: usize = 32;
 
-fn command(folder: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_impasto"));
-    command
-        .args(arguments.split_whitespace())
-        .current_dir(folder)
-        .env("IMPASTO_CACHE", "cache");
-    command
-}
-
-fn run(folder: &Path, arguments: &str) -> Output {
-    command(folder, arguments).output().unwrap()
-}
-
 /// A capture and a model of it that trains in a second.
 fn model() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let options = BuiltinOptions {
-        photos: 8,
-        width: 56,
-        height: 42,
-        ..BuiltinOptions::default()
-    };
-    write_capture(&folder.path().join("scene"), &options).unwrap();
-    let trained = run(
+    let folder = capture();
+    let trained = impasto(
         folder.path(),
         "train scene -o model --stage geometry --steps 2 --device cpu --set geometry.samples=20000",
     );
@@ -167,7 +149,7 @@ fn a_model_is_shown_until_the_studio_is_closed() {
 
     // The port is taken now.
     let port = studio.address.rsplit(':').next().unwrap();
-    let second = run(folder, &format!("view model --device cpu --port {port}"));
+    let second = impasto(folder, &format!("view model --device cpu --port {port}"));
     assert_eq!(second.status.code(), Some(1));
     let said = String::from_utf8_lossy(&second.stderr).into_owned();
     assert!(
@@ -196,7 +178,7 @@ fn what_cannot_be_shown_is_refused_and_what_is_coming_is_waited_for() {
     let folder = folder.path();
     std::fs::create_dir(folder.join("model")).unwrap();
     let refused = |arguments: &str, word: &str| {
-        let output = run(folder, arguments);
+        let output = impasto(folder, arguments);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{said}");
         assert!(said.contains(word), "{said}");

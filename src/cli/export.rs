@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use impasto::Model;
-use impasto::export::{ViewOptions, Views, Watch, export_points, export_splats};
+use impasto::export::{Exported, ViewOptions, Views, Watch, export_points, export_splats};
 use serde_json::json;
 
 use super::device::DeviceArgs;
@@ -112,8 +112,16 @@ pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
         Kind::Points => export_points(&views, &args.output, &mut watch)?,
     };
     drop(bar);
-    let seconds = start.elapsed().as_secs_f64();
-    let synthetic = model.file.scene.synthetic;
+    Ok(answer(
+        args,
+        &views,
+        &exported,
+        start.elapsed().as_secs_f64(),
+    ))
+}
+
+fn answer(args: &ExportArgs, views: &Views, exported: &Exported, seconds: f64) -> Answer {
+    let synthetic = views.synthetic;
     let kind = if synthetic {
         " of a synthetic scene"
     } else {
@@ -122,7 +130,7 @@ pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
     let quality = exported.psnr.map_or(String::new(), |psnr| {
         format!(", {psnr:.1} dB from the model's own pictures")
     });
-    Ok(Answer {
+    Answer {
         text: format!(
             "{} {}{kind} ({:.1} MB{quality}) in {}: {}",
             exported.count,
@@ -141,5 +149,5 @@ pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
             "synthetic": synthetic,
             "seconds": seconds,
         }),
-    })
+    }
 }

@@ -78,15 +78,13 @@ pub fn export_points(
         everything: false,
     };
     let surfels = cloud(views, &options, (RENDERED, FITTED), watch)?;
-    watch.at("write", FITTED)?;
     let comments = comments(views, "point cloud of surfaces");
-    let bytes = ply::write(path, &comments, &POINT, surfels.len(), |i, row| {
+    let bytes = write((path, &comments, &POINT), surfels.len(), watch, |i, row| {
         let surfel = &surfels[i];
         floats(row, &capture(views, surfel.position));
         floats(row, &surfel.normal.to_array());
         row.extend(surfel.colour.to_array().map(byte));
     })?;
-    (watch.progress)("write", 1.0);
     Ok(Exported {
         count: surfels.len(),
         bytes,
@@ -113,13 +111,12 @@ pub fn export_splats(
     let mut splats: Vec<Splat> = surfels.iter().map(splat).collect();
     drop(surfels);
     let psnr = fit(&mut splats, views, (MERGED, FITTED), watch)?;
-    watch.at("write", FITTED)?;
     let comments = comments(
         views,
         "3-D Gaussian splats, colours without view dependence",
     );
     let scale = (1.0 / views.normalisation.scale) as f32;
-    let bytes = ply::write(path, &comments, &SPLAT, splats.len(), |i, row| {
+    let bytes = write((path, &comments, &SPLAT), splats.len(), watch, |i, row| {
         let splat = &splats[i];
         floats(row, &capture(views, splat.position));
         floats(row, &splat.normal.to_array());
@@ -129,12 +126,24 @@ pub fn export_splats(
         let q = splat.rotation;
         floats(row, &[q.w, q.x, q.y, q.z]);
     })?;
-    (watch.progress)("write", 1.0);
     Ok(Exported {
         count: splats.len(),
         bytes,
         psnr: Some(psnr),
     })
+}
+
+/// Writes so many rows of a form, the last part of the work; the file's size.
+fn write(
+    (path, comments, form): (&Path, &[String], &[(&str, &str)]),
+    count: usize,
+    watch: &mut Watch<'_>,
+    row: impl Fn(usize, &mut Vec<u8>),
+) -> Result<u64, ExportError> {
+    watch.at("write", FITTED)?;
+    let bytes = ply::write(path, comments, form, count, row)?;
+    (watch.progress)("write", 1.0);
+    Ok(bytes)
 }
 
 fn comments(views: &Views, what: &str) -> Vec<String> {

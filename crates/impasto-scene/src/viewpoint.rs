@@ -3,7 +3,8 @@
 
 use glam::{DMat4, DVec3};
 
-use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::camera::Camera;
+use crate::paths::of_fov;
 use crate::paths::shape::Shape;
 use crate::pose;
 
@@ -28,17 +29,8 @@ impl Camera {
         }
         let camera_to_world = pose::rigid(DMat4::from_cols_array(columns))
             .map_err(|problem| format!("the pose {problem}"))?;
-        let focal = 0.5 * f64::from(height) / (0.5 * fov.to_radians()).tan();
         Ok(Self {
-            intrinsics: Intrinsics {
-                width,
-                height,
-                fl_x: focal,
-                fl_y: focal,
-                cx: 0.5 * f64::from(width),
-                cy: 0.5 * f64::from(height),
-                distortion: Distortion::default(),
-            },
+            intrinsics: of_fov(fov, (width, height)),
             camera_to_world,
         })
     }

@@ -157,6 +157,20 @@ impl Model {
         })
     }
 
+    /// [`Self::inspiration`] of several paintings, each with its weight in a mix.
+    ///
+    /// # Errors
+    /// If an asset is damaged.
+    pub fn inspirations<'a>(
+        &self,
+        paintings: impl IntoIterator<Item = (&'a RgbImage, f32)>,
+    ) -> Result<Vec<(Inspiration, f32)>, StyleError> {
+        let paintings = paintings.into_iter();
+        let inspired =
+            paintings.map(|(painting, weight)| Ok((self.inspiration(painting)?, weight)));
+        inspired.collect()
+    }
+
     /// The look that a painting gives, emphasised as the configuration says, or `None` if the style
     /// stage has not run. The hypernetwork runs once, here. What its colours lack of the painting's
     /// mean and contrast over the training views is then made up for, to the share that the

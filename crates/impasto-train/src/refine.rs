@@ -87,10 +87,7 @@ impl<'a> Refinement<'a> {
         budget: Budget,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Option<Look>, StyleError> {
-        let inspirations = paintings
-            .iter()
-            .map(|(painting, weight)| Ok((self.model.inspiration(painting)?, *weight)))
-            .collect::<Result<Vec<_>, StyleError>>()?;
+        let inspirations = self.model.inspirations(paintings.iter().copied())?;
         let Some(inspiration) = Inspiration::mix(&inspirations) else {
             return Ok(None);
         };

@@ -89,10 +89,8 @@ fn a_prepared_view_is_painted_as_a_whole_one_is_rendered() {
     assert!(apart(&painted(&[]), &photo()) < 1e-6);
     assert!(view.bytes() > 40 * 30 * 4 * 10);
     // In parts, as progressive pictures are.
-    let (upper, lower) = (
-        MODEL.prepare_rows(&camera(), 0..11),
-        MODEL.prepare_rows(&camera(), 11..99),
-    );
+    let [upper, lower] =
+        [(0, 11), (11, 19)].map(|(from, count)| MODEL.prepare_view(&camera().rows(from, count)));
     assert_eq!((upper.height, lower.height), (11, 19));
     let parts = [upper, lower]
         .map(|part| MODEL.paint_view(&part, &[]))

@@ -18,7 +18,7 @@ use serde_json::json;
 pub use self::film::{FilmOrder, film, film_formats};
 pub use self::frames::Rendering;
 pub use self::job::{KnownModel, distinguished};
-pub use self::styles::Styles;
+pub use self::styles::{Styles, coats_of};
 pub use self::views::{FRAMES, ViewSource, views};
 use super::device::DeviceArgs;
 use super::ffmpeg::FfmpegArgs;

@@ -51,38 +51,29 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
         },
     )?;
 
-    let own: Vec<usize> = (0..views.len())
-        .filter(|&frame| shard.takes(frame))
-        .collect();
-    let missing: Vec<usize> = own
-        .iter()
-        .copied()
-        .filter(|&frame| folder.lacks(frame))
-        .collect();
+    let own = || (0..views.len()).filter(|&frame| shard.takes(frame));
+    let missing: Vec<usize> = own().filter(|&frame| folder.lacks(frame)).collect();
     fill(&folder, &missing, &views, (model, &styles, &layout), args)?;
     let done = Done {
         rendered: missing.len(),
-        kept: own.len() - missing.len(),
+        kept: own().count() - missing.len(),
         complete: folder.finish()?,
     };
-    let synthetic = model.file.scene.synthetic;
-    let seconds = start.elapsed().as_secs_f64();
-    let generated = styles.generated(&args.styles);
     let outputs = folder.folders();
-    let paths: Vec<String> = outputs
-        .iter()
-        .map(|path| path.display().to_string())
-        .collect();
+    let paths = outputs.iter().map(|path| path.display().to_string());
+    let paths: Vec<String> = paths.collect();
+    let synthetic = model.file.scene.synthetic;
+    let kind = match synthetic {
+        true => " of a synthetic scene",
+        false => "",
+    };
+    let generated = styles.generated(&args.styles);
+    let seconds = start.elapsed().as_secs_f64();
     Ok(Answer {
         text: format!(
-            "shard {shard}: {} of {} views{} in {}, {}: {}{}",
+            "shard {shard}: {} of {} views{kind} in {}, {}: {}{}",
             done.rendered,
             views.len(),
-            if synthetic {
-                " of a synthetic scene"
-            } else {
-                ""
-            },
             clock(seconds),
             state(&done),
             paths.join(", "),

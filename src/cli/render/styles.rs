@@ -112,7 +112,12 @@ impl Styles {
         settings: &RenderSettings,
     ) -> Result<Vec<Variant>, CliError> {
         if let Self::Coats(specs) = self {
-            return coated(model, specs);
+            let specs = specs.iter();
+            let specs = specs.map(|(spec, images)| (spec, images.iter().collect()));
+            return Ok(vec![Variant {
+                name: "coats".into(),
+                coats: coats_of(model, specs)?,
+            }]);
         }
         let variants = self.looks(model, refine)?.into_iter().map(|(name, look)| {
             let coat = look.map(|look| settings.coat(model, look)).transpose()?;
@@ -170,29 +175,23 @@ impl Styles {
     }
 }
 
-/// All coats, one over the other.
-fn coated(model: &Model, specs: &[(CoatSpec, Vec<RgbImage>)]) -> Result<Vec<Variant>, CliError> {
-    let coats = specs.iter().map(|(spec, images)| {
+/// Coats, each of its paintings in order.
+pub fn coats_of<'a>(
+    model: &Model,
+    specs: impl IntoIterator<Item = (&'a CoatSpec, Vec<&'a RgbImage>)>,
+) -> Result<Vec<Coat>, CliError> {
+    let specs = specs.into_iter();
+    let coats = specs.map(|(spec, images)| {
         let weights = spec.paintings.iter().map(|painting| painting.weight);
-        let inspirations = images
-            .iter()
-            .zip(weights)
-            .map(|(image, weight)| Ok((model.inspiration(image)?, weight)))
-            .collect::<Result<Vec<_>, CliError>>()?;
+        let inspirations = model.inspirations(images.into_iter().zip(weights))?;
         Ok(model.coat(spec, &inspirations)?)
     });
-    Ok(vec![Variant {
-        name: "coats".into(),
-        coats: coats.collect::<Result<_, CliError>>()?,
-    }])
+    coats.collect()
 }
 
 /// The look that a model predicts for paintings mixed by weight.
 fn look(model: &Model, paintings: &[(&RgbImage, f32)]) -> Result<Look, CliError> {
-    let inspirations = paintings
-        .iter()
-        .map(|(image, weight)| Ok((model.inspiration(image)?, *weight)))
-        .collect::<Result<Vec<_>, CliError>>()?;
+    let inspirations = model.inspirations(paintings.iter().copied())?;
     let mix = Inspiration::mix(&inspirations).ok_or_else(Styles::weightless)?;
     model.look(&mix).ok_or(CliError::Unstyled)
 }

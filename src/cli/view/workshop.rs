@@ -2,13 +2,12 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use image::RgbImage;
 use impasto::export::{ViewOptions, Views, Watch, export_points, export_splats};
 use impasto::view::{ExportOrder, FilmOrder, Formats, Made, PaintOrder, Progress, Workshop};
 use impasto::{Coat, Model, Stop};
 
 use crate::cli::CliError;
-use crate::cli::render::{FilmOrder as Film, film, film_formats};
+use crate::cli::render::{FilmOrder as Film, coats_of, film, film_formats};
 use crate::output::Ffmpeg;
 
 /// The model that the studio shows, once there is one.
@@ -35,19 +34,16 @@ impl Bench {
 
 /// Coats of paint for a model, of an order's paintings.
 fn coats(model: &Model, paint: &PaintOrder) -> Result<Vec<Coat>, CliError> {
-    let picture = |id: &str| -> Option<&RgbImage> {
+    let picture = |id: &str| {
         let found = paint.paintings.iter().find(|(known, _)| known == id);
-        found.map(|(_, picture)| picture)
+        let missing = || CliError::Refused(format!("the painting {id} is not there any more"));
+        found.map(|(_, picture)| picture).ok_or_else(missing)
     };
-    let coats = paint.coats.coats.iter().map(|spec| {
-        let named = spec.paintings.iter();
-        let known = named.filter_map(|one| Some((picture(&one.painting)?, one.weight)));
-        let inspirations = known
-            .map(|(picture, weight)| Ok((model.inspiration(picture)?, weight)))
-            .collect::<Result<Vec<_>, CliError>>()?;
-        Ok(model.coat(spec, &inspirations)?)
+    let specs = paint.coats.coats.iter().map(|spec| {
+        let pictures = spec.paintings.iter().map(|one| picture(&one.painting));
+        Ok((spec, pictures.collect::<Result<Vec<_>, _>>()?))
     });
-    coats.collect()
+    coats_of(model, specs.collect::<Result<Vec<_>, CliError>>()?)
 }
 
 impl Workshop for Bench {
@@ -101,12 +97,9 @@ impl Workshop for Bench {
 
 fn file_name(model: &Model) -> String {
     let name = model.file.scene.name.chars();
-    let plain = name.map(|c| {
-        if c.is_ascii_alphanumeric() || c == '-' {
-            c
-        } else {
-            '_'
-        }
+    let plain = name.map(|c| match c.is_ascii_alphanumeric() || c == '-' {
+        true => c,
+        false => '_',
     });
     let name: String = plain.take(40).collect();
     if name.is_empty() {

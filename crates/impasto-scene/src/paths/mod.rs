@@ -104,7 +104,7 @@ fn median_lens(cameras: &[Camera], size: (u32, u32)) -> Intrinsics {
 }
 
 /// An ideal pinhole with a vertical field of view in degrees, between 0 and 180.
-fn of_fov(fov: f64, size: (u32, u32)) -> Intrinsics {
+pub(crate) fn of_fov(fov: f64, size: (u32, u32)) -> Intrinsics {
     pinhole(
         0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan(),
         size,

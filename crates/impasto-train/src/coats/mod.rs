@@ -36,12 +36,6 @@ impl Coat {
         }
     }
 
-    /// The same, applied more thinly.
-    #[must_use]
-    pub fn with_strength(self, strength: f32) -> Self {
-        Self { strength, ..self }
-    }
-
     /// Whether something of what is below can be seen.
     pub(crate) fn is_thin(&self) -> bool {
         self.strength < 1.0 || self.mask.is_some() || self.keep == Keep::Luminance

@@ -7,7 +7,6 @@ use crate::rays::CameraRays;
 use glam::Vec3;
 use impasto_field::{Appearance, RayBatch, SeenRays, see_rays};
 use impasto_scene::{Camera, Split};
-use std::ops::Range;
 
 /// Training views whose surfaces regions grow over, and rays along the longer side of each.
 const VIEWS: usize = 16;
@@ -139,21 +138,14 @@ impl Model {
 
     /// Finds the geometry of a view, which takes nearly all of a rendering's time.
     pub fn prepare_view(&self, camera: &Camera) -> PreparedView {
-        self.prepare_rows(camera, 0..camera.intrinsics.height)
-    }
-
-    /// Some rows of a view, as a view of that height.
-    pub fn prepare_rows(&self, camera: &Camera, rows: Range<u32>) -> PreparedView {
-        let all = CameraRays::new(camera, None);
-        let (width, height) = all.size();
-        let rows = (rows.start as usize).min(height)..(rows.end as usize).min(height);
-        let mut rays = RayBatch::default();
-        (rows.start * width..rows.end * width).for_each(|pixel| all.push(pixel, &mut rays));
+        let rays = CameraRays::new(camera, None);
+        let (width, height) = rays.size();
+        let rays = rays.all();
         let (photo, config) = (&self.file.photo_app, self.file.config.style_appearance());
         let seen = see_rays(self.parts(), photo, &config, &rays);
         PreparedView {
             width,
-            height: rows.len(),
+            height,
             rays,
             seen,
         }
