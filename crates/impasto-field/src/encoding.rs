@@ -5,6 +5,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 use impasto_kernels::ops;
 use rayon::prelude::*;
 
+/// Rows encoded by one task.
+const ROWS: usize = 256;
+
 /// `[x, sin 2⁰x, cos 2⁰x, …, sin 2^(bands−1) x, cos 2^(bands−1) x]` of every row, no π (PAPER §2).
 ///
 /// # Shapes
@@ -12,21 +15,33 @@ use rayon::prelude::*;
 pub fn frequencies(rows: &[f32], dimensions: usize, bands: usize) -> Vec<f32> {
     let width = dimensions * (1 + 2 * bands);
     let mut out = vec![0.0; rows.len() / dimensions * width];
-    out.par_chunks_exact_mut(width)
-        .with_min_len(256)
-        .zip(rows.par_chunks_exact(dimensions))
-        .for_each(|(out, x)| {
-            out[..dimensions].copy_from_slice(x);
-            for (axis, x) in x.iter().enumerate() {
-                // Doubling an angle also doubles the error: harmless in double precision.
-                let (mut sin, mut cos) = f64::from(*x).sin_cos();
-                for at in (dimensions + axis..width).step_by(2 * dimensions) {
-                    (out[at], out[at + dimensions]) = (sin as f32, cos as f32);
-                    (sin, cos) = (2.0 * sin * cos, (cos - sin) * (cos + sin));
+    out.par_chunks_mut(ROWS * width)
+        .zip(rows.par_chunks(ROWS * dimensions))
+        .for_each(|(out, rows)| {
+            for i in 0..rows.len() / dimensions {
+                let x = &rows[i * dimensions..][..dimensions];
+                let (known, out) = out.split_at_mut(i * width);
+                // All samples of a ray are seen from one direction.
+                match known.rchunks_exact(width).next() {
+                    Some(known) if known[..dimensions] == *x => out[..width].copy_from_slice(known),
+                    _ => encode_row(x, &mut out[..width]),
                 }
             }
         });
     out
+}
+
+fn encode_row(x: &[f32], out: &mut [f32]) {
+    let (dimensions, width) = (x.len(), out.len());
+    out[..dimensions].copy_from_slice(x);
+    for (axis, x) in x.iter().enumerate() {
+        // Doubling an angle also doubles the error: harmless in double precision.
+        let (mut sin, mut cos) = f64::from(*x).sin_cos();
+        for at in (dimensions + axis..width).step_by(2 * dimensions) {
+            (out[at], out[at + dimensions]) = (sin as f32, cos as f32);
+            (sin, cos) = (2.0 * sin * cos, (cos - sin) * (cos + sin));
+        }
+    }
 }
 
 /// [`frequencies`] of rows that are on a device; in single precision, for few bands.
@@ -76,4 +91,18 @@ pub struct Positions<'a> {
 pub fn matrix(data: Vec<f32>, width: usize, device: &Device) -> Tensor<2> {
     let rows = data.len() / width;
     Tensor::from_data(TensorData::new(data, [rows, width]), device)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_repeat_are_encoded_like_rows_that_do_not() {
+        let (a, b) = ([0.3, -1.2, 2.0], [f32::NAN, 0.5, 0.1]);
+        let found = frequencies(&[a, a, b, b, a].concat(), 3, 4);
+        let alone = [a, a, b, b, a].map(|row| frequencies(&row, 3, 4)).concat();
+        let bits = |all: &[f32]| all.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&found), bits(&alone));
+    }
 }

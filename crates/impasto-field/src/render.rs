@@ -1,7 +1,6 @@
 //! The one ray renderer: samples → features and density → colours → pixels.
 
 use crate::appearance::{Appearance, AppearanceConfig, Shading};
-use crate::encoding::matrix;
 use crate::field::{Field, FieldWeights, Grids};
 use crate::paintable::Paintable;
 use crate::sampling::{RayBatch, Samples, cascade, march};
@@ -221,11 +220,10 @@ impl Geometry {
         let device = self.density.device();
         let kept_of = |features: &Option<Tensor<2>>, keep: &[bool]| {
             let features = features.as_ref().filter(|_| keep.contains(&true))?;
-            let width = features.dims()[1];
-            let rows = host(features.clone());
-            let kept = rows.chunks_exact(width).zip(keep).filter(|(_, k)| **k);
-            let kept = kept.flat_map(|(row, _)| row).copied().collect();
-            Some(matrix(kept, width, &device))
+            let kept = (0i32..).zip(keep).filter(|(_, keep)| **keep);
+            let kept: Vec<i32> = kept.map(|(row, _)| row).collect();
+            let kept = Tensor::from_data(kept.as_slice(), &device);
+            Some(features.clone().select(0, kept))
         };
         let densities = host(self.density.clone());
         let kept = densities.iter().zip(&keep).filter(|(_, k)| **k);
