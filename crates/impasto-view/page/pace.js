@@ -1,7 +1,8 @@
 // When which view is asked for: coarse ones while the camera moves, never more than one that is
 // not answered; a sharp one when it has come to rest.
 
-const REST_MS = 120;
+// Longer than between two events of a hand that moves, and no longer than it has to be.
+const REST_MS = 90;
 const LOST_MS = 3000;
 const WIDEST = 1280;
 const NARROWEST = 480;

@@ -1,18 +1,28 @@
 //! Files that jobs have made.
 
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::PathBuf;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 
+use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::{HeaderValue, header};
 use axum::response::Response;
-use impasto_scene::file::{plainly, read_whole};
+use futures_core::Stream;
+use impasto_scene::file::plainly;
+use tokio::sync::mpsc::{Receiver, channel};
 
 use super::orders::no_job;
 use super::reply::{Refusal, of_type};
 use super::{Studio, apart};
 
-/// Largest file that is handed out, in bytes. It is in memory for as long as that takes.
-const MOST: u64 = 2 << 30;
+/// Bytes that are read at a time.
+const PIECE: usize = 1 << 17;
+/// Pieces that wait for somebody who takes them slowly.
+const AHEAD: usize = 2;
 
 pub(super) async fn job_file(
     State(studio): State<Arc<Studio>>,
@@ -24,20 +34,69 @@ pub(super) async fn job_file(
         .file_name()
         .map(|name| name.to_string_lossy().into_owned());
     let name = name.unwrap_or_default();
-    let read = apart(move || read_whole(&path, MOST)).await?;
-    let bytes =
-        read.map_err(|e| Refusal::unknown(format!("the file cannot be read ({})", plainly(&e))))?;
-    let mut response = of_type(kind(&name), bytes);
+    let opened = apart(move || open(path)).await?;
+    let (file, length) = opened
+        .map_err(|e| Refusal::unknown(format!("the file cannot be read ({})", plainly(&e))))?;
+    let mut response = of_type(kind(&name), Body::from_stream(pieces(file, length)));
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_LENGTH, length.into());
     let plain = |c: char| match c.is_ascii_alphanumeric() || "-_.".contains(c) {
         true => c,
         false => '_',
     };
     let name: String = name.chars().map(plain).collect();
     if let Ok(value) = HeaderValue::from_str(&format!("attachment; filename=\"{name}\"")) {
-        let headers = response.headers_mut();
         headers.insert(header::CONTENT_DISPOSITION, value);
     }
     Ok(response)
+}
+
+/// The file and its length.
+fn open(path: PathBuf) -> io::Result<(File, u64)> {
+    let file = File::open(path)?;
+    let length = file.metadata()?.len();
+    Ok((file, length))
+}
+
+/// A file in pieces, of which few are in memory however large it is. Ends with who takes it: a
+/// connection that takes nothing is closed.
+fn pieces(file: File, length: u64) -> Pieces {
+    let (sender, receiver) = channel(AHEAD);
+    tokio::spawn(async move {
+        let mut file = file.take(length);
+        loop {
+            let read = apart(move || {
+                let mut piece = Vec::with_capacity(PIECE);
+                let read = file.by_ref().take(PIECE as u64).read_to_end(&mut piece);
+                (file, read.map(|_| piece))
+            });
+            let Ok((rest, piece)) = read.await else {
+                return;
+            };
+            file = rest;
+            let is_last = match &piece {
+                Ok(piece) if piece.is_empty() => return,
+                piece => piece.is_err(),
+            };
+            if sender.send(piece).await.is_err() || is_last {
+                return;
+            }
+        }
+    });
+    Pieces(receiver)
+}
+
+struct Pieces(Receiver<io::Result<Vec<u8>>>);
+
+impl Stream for Pieces {
+    type Item = io::Result<Vec<u8>>;
+
+    fn poll_next(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<io::Result<Vec<u8>>>> {
+        self.0.poll_recv(context)
+    }
 }
 
 fn kind(name: &str) -> &'static str {
