@@ -4,7 +4,7 @@ use crate::config::{DensityActivation, VolumeConfig};
 use crate::encoding::{Positions, encode};
 use crate::network::{AppNetwork, Trunk};
 use burn::tensor::{Device, Tensor, TensorData};
-use impasto_kernels::{Density, LayerSpec, MlpSpec, Volume, VolumeSpec, ops};
+use impasto_kernels::{Density, HashGridSpec, LayerSpec, MlpSpec, Volume, VolumeSpec, ops};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -119,15 +119,32 @@ impl Branch {
         self.config.latent
     }
 
+    /// The hash grid, if that is the encoding.
+    pub(crate) fn hash_grid(&self) -> Option<HashGridSpec> {
+        self.config.encoding.hash_grid()
+    }
+
+    /// Layers of `base` and `geo`, and what the last number says.
+    pub(crate) fn layers(&self) -> (&MlpSpec, &MlpSpec, Density) {
+        let density = match self.config.density {
+            DensityActivation::Exp => Density::Exp,
+            DensityActivation::Abs => Density::Abs,
+        };
+        (self.trunk.chain(), &self.geo, density)
+    }
+
+    /// Weights of the layers of `base`.
+    pub(crate) fn folded(&self, weights: &BranchWeights) -> Tensor<1> {
+        self.trunk.folded(&weights.base, weights.latent.as_ref())
+    }
+
     /// Layers from encoding to colour, with an `app` on this branch's features.
     pub(crate) fn volume_spec(&self, app: &AppNetwork) -> VolumeSpec {
+        let (base, geo, density) = self.layers();
         VolumeSpec {
-            base: self.trunk.chain().clone(),
-            geo: self.geo.clone(),
-            density: match self.config.density {
-                DensityActivation::Exp => Density::Exp,
-                DensityActivation::Abs => Density::Abs,
-            },
+            base: base.clone(),
+            geo: geo.clone(),
+            density,
             app: app.chain().clone(),
         }
     }
@@ -144,7 +161,7 @@ impl Branch {
         let [rows, width] = encoded.dims();
         Volume {
             encoded: encoded.reshape([rows * width]),
-            base: self.trunk.folded(&weights.base, weights.latent.as_ref()),
+            base: self.folded(weights),
             geo: weights.geo.clone(),
             app: app.folded(app_weights, app_latent),
         }

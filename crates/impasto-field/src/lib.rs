@@ -19,6 +19,7 @@ pub mod branch;
 pub mod config;
 pub mod encoding;
 pub mod field;
+mod host;
 pub mod loss;
 pub mod network;
 pub mod paintable;

@@ -2,6 +2,7 @@
 
 use crate::appearance::{Appearance, AppearanceConfig, Shading};
 use crate::field::{Field, FieldWeights, Grids};
+use crate::host::HostWeights;
 use crate::paintable::Paintable;
 use crate::sampling::{RayBatch, Samples, cascade, march};
 use burn::tensor::{Device, Tensor};
@@ -55,24 +56,37 @@ impl Geometry {
     pub fn weights(&self) -> Vec<f32> {
         composite::weights(&self.samples.layout, &host(self.density.clone()))
     }
+}
 
-    /// Depth along the camera's axis at which half of a ray's light has been gathered.
-    fn median_depth(&self, weights: &[f32]) -> Vec<f32> {
-        self.samples
-            .layout
-            .rays
-            .iter()
-            .map(|span| {
-                let mut sum = 0.0;
-                let mut all = span.inner.clone().chain(span.outer.clone());
-                let crossing = all.find(|i| {
-                    sum += weights[*i];
-                    sum >= 0.5
-                });
-                crossing.map_or(f32::INFINITY, |i| self.samples.layout.depths[i])
-            })
-            .collect()
+/// Depth along the camera's axis at which half of a ray's light has been gathered, of every ray.
+pub(crate) fn median_depth(layout: &CompositeLayout, weights: &[f32]) -> Vec<f32> {
+    let rays = layout.rays.iter().map(|span| {
+        let mut sum = 0.0;
+        let mut all = span.inner.clone().chain(span.outer.clone());
+        let crossing = all.find(|i| {
+            sum += weights[*i];
+            sum >= 0.5
+        });
+        crossing.map_or(f32::INFINITY, |i| layout.depths[i])
+    });
+    rays.collect()
+}
+
+/// Which samples [`Geometry::contributing`] keeps, given their contributions.
+pub(crate) fn worth_shading(layout: &CompositeLayout, weights: &[f32], least: f32) -> Vec<bool> {
+    let mut keep: Vec<bool> = weights.iter().map(|w| *w >= least).collect();
+    for span in &layout.rays {
+        let all = || span.inner.clone().chain(span.outer.clone());
+        let small = all().map(|i| weights[i]).filter(|w| *w < least);
+        if small.sum::<f32>() > MOST_DROPPED {
+            all().for_each(|i| keep[i] = weights[i] >= 0.1 * least);
+        }
+        // What is left of the light belongs to the farthest sample.
+        if let Some(last) = all().last() {
+            keep[last] = true;
+        }
     }
+    keep
 }
 
 /// Most of a ray's light that leaving out small contributions may move to the background.
@@ -200,18 +214,7 @@ impl Geometry {
     }
 
     fn kept(&self, weights: &[f32], least: f32) -> Self {
-        let mut keep: Vec<bool> = weights.iter().map(|w| *w >= least).collect();
-        for span in &self.samples.layout.rays {
-            let all = || span.inner.clone().chain(span.outer.clone());
-            let small = all().map(|i| weights[i]).filter(|w| *w < least);
-            if small.sum::<f32>() > MOST_DROPPED {
-                all().for_each(|i| keep[i] = weights[i] >= 0.1 * least);
-            }
-            // What is left of the light belongs to the farthest sample.
-            if let Some(last) = all().last() {
-                keep[last] = true;
-            }
-        }
+        let keep = worth_shading(&self.samples.layout, weights, least);
         if !keep.contains(&false) {
             return self.clone();
         }
@@ -264,7 +267,7 @@ pub struct RenderedRays {
 }
 
 /// Samples with less weight than this are not shaded when rendering.
-const SHADE_LEAST: f32 = 1e-3;
+pub(crate) const SHADE_LEAST: f32 = 1e-3;
 /// Rays rendered together by one thread of a CPU: their features stay in its cache.
 const RENDER_CHUNK: usize = 128;
 /// Rays rendered together by a GPU, to keep all of it busy.
@@ -283,8 +286,28 @@ pub fn render_rays(
         return rendered;
     }
     let device = weights.inner.encoding.device();
+    let is_surface = |look: &&Appearance| look.config.shading == Shading::Surface;
+    let (surfaces, shaded): (Vec<&Appearance>, Vec<_>) =
+        appearances.iter().partition(|look| is_surface(look));
+    let config = surfaces.first().map(|look| &look.config);
+    let of_one = surfaces.iter().all(|look| Some(&look.config) == config);
+    let on_host = of_one.then(|| HostWeights::of((field, weights), &shaded, config));
+    let on_host = on_host.flatten();
+    let passes = on_host.as_ref().map(|weights| weights.passes(grids));
     let chunks = in_chunks(rays, &device, usize::MAX, |_, chunk| {
-        render_chunk(field, weights, grids, appearances, &chunk)
+        let Some(passes) = &passes else {
+            return render_chunk(field, weights, grids, appearances, &chunk);
+        };
+        let seen = passes.see(&chunk);
+        let mut shaded = seen.shaded.into_iter();
+        let all = appearances.iter().map(|look| match (&seen.surface, look) {
+            (Some(surface), look) if is_surface(look) => colours(surface, look),
+            _ => shaded.next().unwrap_or_default(),
+        });
+        RenderedRays {
+            colours: all.collect(),
+            depth: seen.depth,
+        }
     });
     let mut out = RenderedRays {
         colours: vec![Vec::with_capacity(rays.len() * 3); appearances.len()],
@@ -437,7 +460,7 @@ impl Seen {
     ) -> Self {
         let geometry = field.look(weights, rays, grids, None);
         let light = geometry.weights();
-        let depth = geometry.median_depth(&light);
+        let depth = median_depth(geometry.layout(), &light);
         let needs = |shading| configs.iter().any(|config| config.shading == shading);
         Self {
             samples: needs(Shading::Samples).then(|| geometry.kept(&light, SHADE_LEAST)),

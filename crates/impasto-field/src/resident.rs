@@ -9,7 +9,7 @@ use crate::field::{DENSE, Field, FieldWeights, Grids, Visible};
 use crate::loss::Wanted;
 use crate::paintable::{CanvasPlaces, Paintable, PaintableVolume};
 use crate::render::{Prepared, RenderedRays, host};
-use crate::sampling::{RayBatch, contracted_distance, jitter};
+use crate::sampling::{ANY, LEAST_LIGHT, RayBatch, contracted_distance, jitter};
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::resident::{
     self, Descent, MarchSpec, ResidentGeometry, ResidentGrids, ResidentRays, ResidentSamples,
@@ -43,13 +43,14 @@ impl Grids {
 }
 
 impl SamplingConfig {
-    fn march(&self) -> MarchSpec {
+    fn march(&self, least: f32) -> MarchSpec {
         MarchSpec {
             samples: self.samples,
             explore: self.explore,
             inner_step: self.inner_step,
             outer_steps: self.outer_steps,
             near: self.near,
+            least,
         }
     }
 }
@@ -84,7 +85,9 @@ impl Field {
     fn resident(&self, app: &AppearanceConfig, device: &Device) -> Option<ResidentSpec> {
         let config = &self.config;
         let latent = config.inner.latent.or(config.outer.latent);
-        if is_cpu(device) || config.cascade.is_some() || latent.is_some() {
+        let canvas = app.canvas.as_ref();
+        let by_position = canvas.is_some_and(|canvas| canvas.hash_grid().is_none());
+        if is_cpu(device) || config.cascade.is_some() || latent.is_some() || by_position {
             return None;
         }
         let spec = ResidentSpec {
@@ -115,7 +118,9 @@ impl Field {
             let shift = seed.map_or(0.5, |seed| jitter(seed, ray));
             resident.push(*origin, *direction, shift, None);
         }
-        grids.march(&resident, &self.config.sampling.march())
+        // As on a CPU: what is learned from looks at everything.
+        let least = if seed.is_some() { ANY } else { LEAST_LIGHT };
+        grids.march(&resident, &self.config.sampling.march(least))
     }
 
     /// What [`crate::render_rays`] does, if all of it can stay on the device.
@@ -271,7 +276,7 @@ impl ResidentTraining {
         Some(Self {
             spec,
             grids: ResidentGrids::new([&grids.inner, &grids.outer], Some(flags), device),
-            march: field.config.sampling.march(),
+            march: field.config.sampling.march(ANY),
             app: app.clone(),
             sides: [grids.inner.resolution(), grids.outer.resolution()],
         })

@@ -1,7 +1,8 @@
 //! Rays that are looked at once and painted many times.
 
-use crate::appearance::{Appearance, AppearanceConfig};
+use crate::appearance::{Appearance, AppearanceConfig, Shading};
 use crate::field::{Field, FieldWeights, Grids};
+use crate::host::HostWeights;
 use crate::paintable::Paintable;
 use crate::render::{Seen, colours, in_chunks, render_rays};
 use crate::sampling::RayBatch;
@@ -42,7 +43,18 @@ pub fn see_rays(
             kept: Kept::Rays(rays.clone()),
         };
     }
+    let surface = (config.shading == Shading::Surface).then_some(config);
+    let on_host = surface.and_then(|_| HostWeights::of((field, weights), &[photo], surface));
+    let passes = on_host.as_ref().map(|weights| weights.passes(grids));
     let chunks = in_chunks(rays, &device, usize::MAX, |_, chunk| {
+        if let Some(passes) = &passes {
+            let mut seen = passes.see(&chunk);
+            return (
+                seen.shaded.pop().unwrap_or_default(),
+                seen.surface,
+                seen.depth,
+            );
+        }
         let seen = Seen::of((field, weights, grids), &[&photo.config, config], &chunk);
         let shown = seen.paintable(&photo.config);
         let shown = shown.map_or_else(Vec::new, |paintable| colours(&paintable, photo));

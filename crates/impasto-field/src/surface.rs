@@ -3,25 +3,12 @@
 use crate::encoding::matrix;
 use crate::render::{Geometry, host};
 use crate::sampling::{Samples, VolumeSamples};
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor};
 use impasto_kernels::cpu::composite::{LEAST_SHARE, OPAQUE};
+use impasto_kernels::cpu::passes;
 use impasto_kernels::{CompositeLayout, RaySpan};
 use std::ops::Range;
 use std::sync::Arc;
-
-/// One volume's merged samples.
-struct Merged<'a> {
-    source: &'a VolumeSamples,
-    dimensions: usize,
-    /// Index of the volume's first sample in the layout.
-    first: usize,
-    features: Vec<f32>,
-    width: usize,
-    samples: VolumeSamples,
-    rows: Vec<f32>,
-    depths: Vec<f32>,
-    distances: Vec<f32>,
-}
 
 impl Geometry {
     /// The same rays with one sample per volume: the mean, weighted by contribution, of features
@@ -30,36 +17,57 @@ impl Geometry {
     ///
     /// `weights` are the samples' contributions, as of [`Self::weights`].
     pub(crate) fn merged(self, weights: &[f32]) -> Self {
-        let split = self.samples.inner.len();
         let device = self.density.device();
-        let layout = Arc::clone(&self.samples.layout);
-        let mut inner = Merged::new(&self.samples.inner, 3, 0, self.inner);
-        let mut outer = Merged::new(&self.samples.outer, 4, split, self.outer);
-        let (mut parts, mut optical, mut behind) = (Vec::new(), Vec::new(), 0);
-        for span in &layout.rays {
+        let features = [self.inner, self.outer].map(|features| {
+            let width = features.as_ref().map_or(1, |f| f.dims()[1]);
+            (features.map(host).unwrap_or_default(), width)
+        });
+        let features = features.each_ref().map(|(f, width)| (f.as_slice(), *width));
+        Self::merged_of((&self.samples, None), features, weights, &device)
+    }
+
+    /// [`Self::merged`] of samples with features of the inner and of the outer volume, and how wide
+    /// those are. `views` are the rays' where samples do not know them.
+    pub(crate) fn merged_of(
+        (samples, views): (&Samples, Option<&[[f32; 3]]>),
+        features: [(&[f32], usize); 2],
+        weights: &[f32],
+        device: &Device,
+    ) -> Self {
+        let split = samples.inner.len();
+        let layout = &samples.layout;
+        let (mut inner, mut outer) = (Vec::new(), Vec::new());
+        let (mut parts, mut optical) = (Vec::new(), Vec::new());
+        for (ray, span) in layout.rays.iter().enumerate() {
             let sum = |range: &Range<usize>| weights[range.clone()].iter().sum::<f32>();
             let (near, far) = (sum(&span.inner), sum(&span.outer));
             let share = near / (near + far).max(1e-12);
-            let before = [optical.len(), behind];
+            let before = [inner.len(), outer.len()];
             let opaque = share > 1.0 - LEAST_SHARE;
             if share >= LEAST_SHARE {
                 let depth = -(1.0 - share).ln();
                 optical.push(if opaque { OPAQUE } else { depth });
-                inner.push(weights, &span.inner, &layout);
+                inner.push((ray, span.inner.clone()));
             }
             if !opaque {
-                behind += 1;
-                outer.push(weights, &span.outer, &layout);
+                outer.push((ray, span.outer.start - split..span.outer.end - split));
             }
-            parts.push([before[0]..optical.len(), before[1]..behind]);
+            parts.push([before[0]..inner.len(), before[1]..outer.len()]);
         }
-        let in_front = optical.len();
+        let (in_front, behind) = (inner.len(), outer.len());
         optical.extend(std::iter::repeat_n(OPAQUE, behind));
         let rays = parts.into_iter().map(|[inner, outer]| RaySpan {
             inner,
             outer: in_front + outer.start..in_front + outer.end,
         });
         let rays = rays.collect();
+        let volume = |source, dimensions, rows: Range<usize>, features, rays: &[_]| {
+            let steps = [&layout.depths, &layout.distances].map(|all| &all[rows.clone()]);
+            let merging = Merging::new(rays, &weights[rows]);
+            merging.merged((source, dimensions), features, steps, views)
+        };
+        let inner = volume(&samples.inner, 3, 0..split, features[0], &inner);
+        let outer = volume(&samples.outer, 4, split..weights.len(), features[1], &outer);
         let layout = CompositeLayout {
             rays,
             deltas: vec![1.0; optical.len()],
@@ -67,9 +75,9 @@ impl Geometry {
             distances: [inner.distances, outer.distances].concat(),
         };
         Self {
-            inner: (in_front > 0).then(|| matrix(inner.rows, inner.width, &device)),
-            outer: (behind > 0).then(|| matrix(outer.rows, outer.width, &device)),
-            density: Tensor::from_data(optical.as_slice(), &device),
+            inner: (in_front > 0).then(|| matrix(inner.rows, features[0].1, device)),
+            outer: (behind > 0).then(|| matrix(outer.rows, features[1].1, device)),
+            density: Tensor::from_data(optical.as_slice(), device),
             samples: Samples {
                 inner: inner.samples,
                 outer: outer.samples,
@@ -79,53 +87,68 @@ impl Geometry {
     }
 }
 
-impl<'a> Merged<'a> {
-    fn new(
-        source: &'a VolumeSamples,
-        dimensions: usize,
-        first: usize,
-        features: Option<Tensor<2>>,
-    ) -> Self {
-        Self {
-            source,
-            dimensions,
-            first,
-            width: features.as_ref().map_or(1, |f| f.dims()[1]),
-            features: features.map(host).unwrap_or_default(),
-            samples: VolumeSamples::default(),
-            rows: Vec::new(),
-            depths: Vec::new(),
-            distances: Vec::new(),
+/// Rays that have samples in a volume, and what of each of these samples is in the mean.
+struct Merging<'a> {
+    /// Numbers of rays, and the volume's samples that are theirs.
+    rays: &'a [(usize, Range<usize>)],
+    /// Of each sample of the volume; those of a ray sum to one.
+    shares: Vec<f32>,
+}
+
+/// One volume's merged samples.
+struct Merged {
+    rows: Vec<f32>,
+    samples: VolumeSamples,
+    depths: Vec<f32>,
+    distances: Vec<f32>,
+}
+
+impl<'a> Merging<'a> {
+    fn new(rays: &'a [(usize, Range<usize>)], weights: &[f32]) -> Self {
+        let mut shares = weights.to_vec();
+        for (_, span) in rays {
+            normalise(&mut shares[span.clone()]);
         }
+        Self { rays, shares }
     }
 
-    /// Appends the mean of a ray's samples.
-    fn push(&mut self, weights: &[f32], span: &Range<usize>, layout: &CompositeLayout) {
-        let local = span.start - self.first..span.end - self.first;
-        let weights = normalised(&weights[span.clone()]);
-        let mean_of = |range: &Range<usize>, data: &[f32], width: usize, out: &mut Vec<f32>| {
-            let at = out.len();
-            out.resize(at + width, 0.0);
-            let rows = data[range.start * width..range.end * width].chunks_exact(width);
-            for (row, weight) in rows.zip(&weights) {
-                out[at..]
-                    .iter_mut()
-                    .zip(row)
-                    .for_each(|(o, x)| *o += weight * x);
-            }
-        };
-        let (source, merged) = (self.source, &mut self.samples);
-        mean_of(&local, &self.features, self.width, &mut self.rows);
-        mean_of(&local, &source.raw, self.dimensions, &mut merged.raw);
-        mean_of(&local, &source.cube, 3, &mut merged.cube);
-        let points = &source.cube[3 * local.start..3 * local.end];
-        let spreads = source.spreads.get(local.clone()).unwrap_or_default();
-        let mean = &merged.cube[merged.cube.len() - 3..];
-        let found = spread((points, spreads), mean, &weights);
-        merged.spreads.push(found);
-        mean_of(&local, &source.views, 3, &mut merged.views);
-        mean_of(span, &layout.depths, 1, &mut self.depths);
-        mean_of(span, &layout.distances, 1, &mut self.distances);
+    fn means(&self, (data, width): (&[f32], usize)) -> Vec<f32> {
+        let spans = self.rays.iter().map(|(_, span)| span.clone());
+        passes::means((data, width), spans, &self.shares)
+    }
+
+    fn merged(
+        &self,
+        (source, dimensions): (&VolumeSamples, usize),
+        features: (&[f32], usize),
+        [depths, distances]: [&[f32]; 2],
+        views: Option<&[[f32; 3]]>,
+    ) -> Merged {
+        let cube = self.means((&source.cube, 3));
+        let (means, _) = cube.as_chunks::<3>();
+        let spreads = means.iter().zip(self.rays).map(|(mean, (_, span))| {
+            let points = &source.cube[3 * span.start..3 * span.end];
+            let own = source.spreads.get(span.clone()).unwrap_or_default();
+            spread((points, own), mean, &self.shares[span.clone()])
+        });
+        let spreads = spreads.collect();
+        Merged {
+            rows: self.means(features),
+            samples: VolumeSamples {
+                raw: match source.raw.is_empty() {
+                    true => Vec::new(),
+                    false => self.means((&source.raw, dimensions)),
+                },
+                views: match views {
+                    Some(views) => self.rays.iter().flat_map(|(ray, _)| views[*ray]).collect(),
+                    None => self.means((&source.views, 3)),
+                },
+                cube,
+                spreads,
+            },
+            depths: self.means((depths, 1)),
+            distances: self.means((distances, 1)),
+        }
     }
 }
 
@@ -141,15 +164,14 @@ fn spread((points, own): (&[f32], &[f32]), mean: &[f32], weights: &[f32]) -> f32
     weighed.sum::<f32>().sqrt()
 }
 
-/// Weights that sum to one; all on the last, the farthest, if none carries light.
-fn normalised(weights: &[f32]) -> Vec<f32> {
+/// Makes weights sum to one; all on the last, the farthest, if none carries light.
+fn normalise(weights: &mut [f32]) {
     let sum: f32 = weights.iter().sum();
     if sum > 1e-9 {
-        weights.iter().map(|w| w / sum).collect()
+        weights.iter_mut().for_each(|w| *w /= sum);
     } else {
-        let mut last = vec![0.0; weights.len()];
-        last.iter_mut().rev().take(1).for_each(|w| *w = 1.0);
-        last
+        weights.fill(0.0);
+        weights.iter_mut().rev().take(1).for_each(|w| *w = 1.0);
     }
 }
 

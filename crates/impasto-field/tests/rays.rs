@@ -7,10 +7,10 @@ use impasto_field::sphere::{self, from_outer_cube, outer_cube, outer_point};
 use impasto_field::{
     Appearance, AppearanceConfig, BranchWeights, CascadeConfig, DensityActivation, EncodingConfig,
     Field, FieldConfig, FieldWeights, Grids, RayBatch, SamplingConfig, Shading, VolumeConfig,
-    prepare_rays, render::host, render_rays, sampling,
+    prepare_rays, render::host, render_rays, sampling, see_rays,
 };
 use impasto_kernels::DensityGrid;
-use impasto_kernels::device::tested;
+use impasto_kernels::device::{is_cpu, tested};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -306,6 +306,71 @@ fn groups_of_rays_are_rays_one_by_one() {
             .zip(&apart)
             .all(|(a, b)| (a - b).abs() < 1e-5 * a.abs().max(1.0));
         assert!(same, "joined groups composite like themselves");
+    }
+}
+
+#[test]
+fn rays_are_rendered_as_their_geometry_composites() {
+    let device = tested();
+    let field = Field::new(config(&hash_grid()));
+    let mut rng = Pcg64::seed_from_u64(9);
+    let weights = field.init(&mut rng, &device);
+    let grids = field.grids(1.0, None);
+    let parts = (&field, &weights, &grids);
+    let settings = |canvas, view_bands, shading| AppearanceConfig {
+        canvas,
+        view_bands,
+        shading,
+        ..app()
+    };
+    let bare = settings(None, app().view_bands, Shading::Samples);
+    let blind = settings(None, None, Shading::Samples);
+    let painted = settings(Some(hash_grid()), app().view_bands, Shading::Surface);
+    let frequency = EncodingConfig::Frequency { bands: 3 };
+    let by_position = settings(Some(frequency), app().view_bands, Shading::Surface);
+    let at_samples = settings(Some(hash_grid()), None, Shading::Samples);
+    let looks = [bare, blind, painted, by_position, at_samples]
+        .map(|config| Appearance::init(config, field.features(), &mut rng, &device));
+    let all = many_rays();
+    let geometry = field.look(&weights, &all, &grids, None);
+    // A GPU shades all samples, where there is no canvas.
+    let all_of = |config: &AppearanceConfig| !is_cpu(&device) && config.canvas.is_none();
+    let wanted = |look: &Appearance| {
+        let geometry = match look.config.shading {
+            Shading::Samples if all_of(&look.config) => geometry.clone(),
+            Shading::Samples => geometry.contributing(1e-3),
+            Shading::Surface => geometry.clone().prepared(&look.config),
+        };
+        host(geometry.paintable(&look.config).composite(look))
+    };
+    let check = |what: &str, found: &[f32], look: &Appearance| {
+        assert_eq!(found.len(), 3 * all.len(), "{what}");
+        for (found, wanted) in found.chunks_exact(3).zip(wanted(look).chunks_exact(6)) {
+            let same = found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4);
+            assert!(same, "{what}: {found:?} instead of {wanted:?}");
+        }
+    };
+    for (i, look) in looks.iter().enumerate() {
+        let alone = render_rays(&field, &weights, &grids, &[look], &all);
+        check(&format!("look {i}"), &alone.colours[0], look);
+        let with_another = render_rays(&field, &weights, &grids, &[&looks[2], look], &all);
+        check(
+            &format!("beside look {i}"),
+            &with_another.colours[0],
+            &looks[2],
+        );
+        check(&format!("look {i} beside"), &with_another.colours[1], look);
+        let same_depth = |depth: &[f32]| {
+            let pairs = depth.iter().zip(&alone.depth);
+            pairs
+                .into_iter()
+                .all(|(a, b)| (a - b).abs() < 1e-4 * b.abs())
+        };
+        assert!(same_depth(&with_another.depth), "depth beside look {i}");
+        let seen = see_rays(parts, &looks[0], &look.config, &all);
+        check(&format!("photo, seen for look {i}"), &seen.photo, &looks[0]);
+        check(&format!("look {i}, seen"), &seen.colours(parts, look), look);
+        assert!(same_depth(&seen.depth), "depth seen for look {i}");
     }
 }
 

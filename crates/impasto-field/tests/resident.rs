@@ -78,6 +78,7 @@ fn march_spec() -> MarchSpec {
         inner_step: sampling.inner_step,
         outer_steps: sampling.outer_steps,
         near: sampling.near,
+        least: -1.0,
     }
 }
 

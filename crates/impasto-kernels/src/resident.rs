@@ -29,6 +29,9 @@ pub struct MarchSpec {
     pub outer_steps: usize,
     /// Depth before which nothing is sampled.
     pub near: f32,
+    /// Light that a sample must be expected to find, or else it counts for nothing; 0 or less for
+    /// none.
+    pub least: f32,
 }
 
 /// Networks of both volumes, and the hash grids before them.

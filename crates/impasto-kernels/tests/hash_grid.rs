@@ -122,6 +122,21 @@ fn equals_its_twin() {
 }
 
 #[test]
+fn on_borders_of_cells_both_cells_say_the_same() {
+    let spec = spec(4);
+    let table = numbers(2, spec.params(), -1.0..1.0);
+    for level in 0..spec.levels {
+        let resolution = spec.resolution(level);
+        let at = |cells: f32| (cells / resolution).clamp(0.0, 1.0);
+        let points: Vec<f32> = (0..=resolution as usize)
+            .flat_map(|i| [at(i as f32), at(resolution - i as f32), at(1.0)])
+            .collect();
+        let out = hash_grid::forward(&spec, &points, &table);
+        assert_close("borders", &out, &twin(&spec, &points, &table), 1e-6);
+    }
+}
+
+#[test]
 fn a_dense_level_that_fills_its_table_ends_with_it() {
     let spec = HashGridSpec {
         levels: 1,

@@ -5,6 +5,7 @@ use impasto_field::RayBatch;
 use impasto_scene::{Camera, Photo};
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
 /// One camera's rays, computed once: undistorting a lens costs far more than turning a vector.
 #[derive(Debug, Clone)]
@@ -34,6 +35,7 @@ impl CameraRays {
                     ..*camera
                 };
                 let table = (0..width * height)
+                    .into_par_iter()
                     .map(|i| {
                         let ray = identity.ray((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
                         [ray.direction.x as f32, ray.direction.y as f32]

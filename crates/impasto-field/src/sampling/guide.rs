@@ -2,6 +2,11 @@
 
 use impasto_kernels::DensityGrid;
 
+/// Share of a ray's light that is not worth looking for.
+pub(crate) const LEAST_LIGHT: f32 = 1e-4;
+/// Less than any share, for those who look for all of it.
+pub(crate) const ANY: f32 = -1.0;
+
 /// What a grid says of one step, by level.
 pub(super) struct Table {
     /// Share of light that passes.
@@ -24,33 +29,47 @@ pub(super) struct Guide {
     points: [Vec<f32>; 3],
     levels: Vec<u8>,
     pub(super) light: Vec<f32>,
-    /// Light up to and including each step, evenly spread samples included.
+    /// Light up to and including each step, widened, evenly spread samples included.
     sums: Vec<f32>,
+    /// What is spread evenly, a step.
+    even: f32,
+    /// What the steps were cut into.
+    parts: Vec<[f32; 2]>,
 }
 
 impl Guide {
-    /// Looks at the grid at `count` points, with `transmittance` before the first; returns what is
-    /// left.
+    /// Looks at the grid at `count` points, given by their number, with `transmittance` before the
+    /// first; returns what is left.
     #[inline(always)]
     pub(super) fn look(
         &mut self,
         count: usize,
         mut transmittance: f32,
         (grid, table): (&DensityGrid, &Table),
-        point: impl Fn(usize) -> [f32; 3],
+        point: impl Fn(f32) -> [f32; 3],
     ) -> f32 {
         self.points.iter_mut().for_each(|p| p.resize(count, 0.0));
         let [xs, ys, zs] = &mut self.points;
         for (i, ((x, y), z)) in xs.iter_mut().zip(ys).zip(zs).enumerate() {
-            [*x, *y, *z] = point(i);
+            [*x, *y, *z] = point(i as i32 as f32);
         }
         grid.levels_at(&self.points, &mut self.levels);
-        self.light.clear();
-        for level in &self.levels {
+        self.look_away(count, transmittance);
+        for (light, level) in self.light.iter_mut().zip(&self.levels) {
             let after = transmittance * table.passed[usize::from(*level)];
-            self.light.push(transmittance - after);
+            *light = transmittance - after;
             transmittance = after;
+            if after < LEAST_LIGHT {
+                break;
+            }
         }
+        transmittance
+    }
+
+    /// Looks at nothing: `count` steps that take no light; returns what is left, all of it.
+    pub(super) fn look_away(&mut self, count: usize, transmittance: f32) -> f32 {
+        self.light.clear();
+        self.light.resize(count, 0.0);
         transmittance
     }
 
@@ -59,24 +78,39 @@ impl Guide {
     #[inline(always)]
     pub(super) fn sum(&mut self, even: f32) -> f32 {
         let count = self.light.len();
-        let even = even / count.max(1) as f32;
-        let (mut sum, mut before) = (0.0, 0.0f32);
+        self.even = even / count.max(1) as f32;
         self.sums.clear();
-        for i in 0..count {
-            let (own, next) = (self.light[i], self.light[(i + 1).min(count - 1)]);
-            sum += 0.5 * (own.max(before) + own.max(next)) + even;
-            before = own;
-            self.sums.push(sum);
+        self.sums.resize(count, 0.0);
+        let Some(last) = count.checked_sub(1) else {
+            return 0.0;
+        };
+        let more = |a: f32, b: f32| if a > b { a } else { b };
+        let light = &self.light;
+        let inside = self.sums.iter_mut().skip(1).zip(light.windows(3));
+        for (sum, window) in inside {
+            *sum = 0.5 * (more(window[1], window[0]) + more(window[1], window[2]));
+        }
+        let [first, next] = [light[0], light[last.min(1)]];
+        self.sums[0] = 0.5 * (first + more(first, next));
+        if last > 0 {
+            self.sums[last] = 0.5 * (more(light[last], light[last - 1]) + light[last]);
+        }
+        let mut sum = 0.0;
+        for step in &mut self.sums {
+            sum += *step + self.even;
+            *step = sum;
         }
         sum
     }
 
-    /// Cuts the steps into `parts` of equal light; calls `part` with start and end of each, in
-    /// steps.
+    /// Cuts the steps into `parts` of equal light: start and end of each, in steps, of those in which
+    /// no less than `least` light is expected beside what is spread evenly, and of the last, if it
+    /// is `endless`.
     #[inline(always)]
-    pub(super) fn cut(&self, parts: usize, mut part: impl FnMut(f32, f32)) {
+    pub(super) fn cut(&mut self, parts: usize, least: f32, endless: bool) -> &[[f32; 2]] {
         let total = self.sums.last().copied().unwrap_or(0.0);
         let (mut step, mut start) = (0, 0.0);
+        self.parts.clear();
         for i in 1..=parts {
             let wanted = total * i as f32 / parts as f32;
             while step + 1 < self.sums.len() && self.sums[step] < wanted {
@@ -88,8 +122,12 @@ impl Guide {
                 i if i == parts => self.sums.len() as f32,
                 _ => (step as f32 + within.clamp(0.0, 1.0)).max(start),
             };
-            part(start, end);
+            let light = total / parts as f32 - self.even * (end - start);
+            if light >= least || endless && i == parts {
+                self.parts.push([start, end]);
+            }
             start = end;
         }
+        &self.parts
     }
 }

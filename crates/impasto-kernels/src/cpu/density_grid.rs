@@ -213,11 +213,16 @@ impl WithSimd for Cells<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let (scale, last) = (self.resolution as f32, self.resolution as i32 - 1);
+        let (scale, last) = (self.resolution as f32, self.resolution as f32 - 1.0);
         let side = self.resolution as u32;
         let [xs, ys, zs] = self.points;
-        // Conversions saturate and turn NaN into 0.
-        let index = |x: f32| ((x * scale) as i32).clamp(0, last) as u32;
+        // NaN counts as 0. A conversion that checks would do so number by number.
+        let index = |x: f32| {
+            let x = if x > 0.0 { x * scale } else { 0.0 };
+            let x = if x < last { x } else { last };
+            // SAFETY: not negative, and no more than `last`, a side of what is in memory.
+            unsafe { x.to_int_unchecked::<i32>() as u32 }
+        };
         for (cell, ((x, y), z)) in self.cells.iter_mut().zip(xs.iter().zip(ys).zip(zs)) {
             *cell = index(*x) + side * (index(*y) + side * index(*z));
         }

@@ -11,6 +11,9 @@ const CHUNK: usize = 1024;
 /// Points whose cells are found together, in vectors. Reading single numbers of a vector that was
 /// stored a moment ago stalls; by the end of a group its beginning has reached the cache.
 const GROUP: usize = 64;
+/// Adding it to a small number leaves that number, rounded, in the last bits; converting to integers
+/// would ask of every number whether it fits.
+const ROUND: f32 = 12_582_912.0;
 const PRIMES: [u32; 3] = [1, 2_654_435_761, 805_459_861];
 
 /// Sizes of a hash grid. The table is laid out `[level][entry][feature]`.
@@ -24,7 +27,7 @@ pub struct HashGridSpec {
     pub log2_entries: u32,
     /// Cells along an axis at the coarsest level.
     pub coarsest: f32,
-    /// Cells along an axis at the finest level.
+    /// Cells along an axis at the finest level, at most four million.
     pub finest: f32,
 }
 
@@ -109,10 +112,21 @@ struct Cells {
     scale: [f32; GROUP],
 }
 
+impl Cells {
+    fn none() -> Self {
+        Self {
+            entries: [[0; GROUP]; CORNERS],
+            weights: [[0.0; GROUP]; CORNERS],
+            scale: [0.0; GROUP],
+        }
+    }
+}
+
 impl Level {
+    /// Sets all of `cells` to a group's.
     #[inline(always)]
-    fn cells(self, group: &Group) -> Cells {
-        let last = self.side.saturating_sub(2) as i32;
+    fn find(self, group: &Group, cells: &mut Cells) {
+        let last = self.side.saturating_sub(2) as f32;
         let mut low = [[0u32; GROUP]; 3];
         let mut high = [[0u32; GROUP]; 3];
         let mut frac = [[0f32; GROUP]; 3];
@@ -125,17 +139,16 @@ impl Level {
             };
             for i in 0..GROUP {
                 let scaled = group.axes[axis][i] * self.resolution;
-                let floor = (scaled as i32).min(last);
-                frac[axis][i] = scaled - floor as f32;
-                low[axis][i] = (floor as u32).wrapping_mul(step);
+                // On a cell's border either cell will do.
+                let below = (scaled - 0.5 + ROUND) - ROUND;
+                let below = if below < last { below } else { last };
+                frac[axis][i] = scaled - below;
+                let cell = (below + ROUND).to_bits().wrapping_sub(ROUND.to_bits());
+                low[axis][i] = cell.wrapping_mul(step);
                 high[axis][i] = low[axis][i].wrapping_add(step);
             }
         }
-        let mut cells = Cells {
-            entries: [[0; GROUP]; CORNERS],
-            weights: [[0.0; GROUP]; CORNERS],
-            scale: group.scale,
-        };
+        cells.scale = group.scale;
         for corner in 0..CORNERS {
             let side = |axis: usize| match corner >> axis & 1 {
                 0 => &low[axis],
@@ -155,7 +168,6 @@ impl Level {
                 cells.weights[corner][i] = group.scale[i] * part(0) * part(1) * part(2);
             }
         }
-        cells
     }
 }
 
@@ -165,7 +177,7 @@ impl Cells {
     /// Writes each point's interpolated entry at the beginning of every `width` numbers.
     #[inline(never)]
     fn interpolate<const F: usize>(&self, entries: &[[f32; F]], width: usize, out: &mut [f32]) {
-        // Taking indices modulo the length shows that they are inside.
+        // Entries are as many as a power of two.
         let mask = entries.len() - 1;
         for (i, out) in out.chunks_mut(width).enumerate() {
             let mut sum = [0f32; F];
@@ -198,6 +210,42 @@ impl Cells {
     }
 }
 
+/// [`Cells::interpolate`] for four features, which are one short vector, where a product and a sum
+/// are one instruction.
+#[cfg(target_arch = "x86_64")]
+struct Quads<'a> {
+    simd: pulp::x86::V3,
+    cells: &'a Cells,
+    entries: &'a [[f32; 4]],
+    width: usize,
+    out: &'a mut [f32],
+}
+
+#[cfg(target_arch = "x86_64")]
+impl WithSimd for Quads<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let (simd, cells) = (self.simd, self.cells);
+        let mask = self.entries.len() - 1;
+        for (i, out) in self.out.chunks_mut(self.width).enumerate().take(GROUP) {
+            let zero = pulp::cast([0f32; 4]);
+            let mut sums: [core::arch::x86_64::__m128; 2] = [zero; 2];
+            for corner in 0..CORNERS {
+                let index = cells.entries[corner][i] as usize & mask;
+                // SAFETY: a level has 2ⁿ entries; `mask` leaves n bits.
+                let entry = unsafe { self.entries.get_unchecked(index) };
+                let weight = simd.avx._mm_broadcast_ss(&cells.weights[corner][i]);
+                let sum = &mut sums[corner & 1];
+                *sum = simd.fma._mm_fmadd_ps(weight, pulp::cast(*entry), *sum);
+            }
+            let sum: [f32; 4] = pulp::cast(simd.sse._mm_add_ps(sums[0], sums[1]));
+            out[..4].copy_from_slice(&sum);
+        }
+    }
+}
+
 /// Encodes points in the unit cube; coordinates outside are clamped to it.
 ///
 /// # Shapes
@@ -211,18 +259,54 @@ pub fn forward(spec: &HashGridSpec, points: &[f32], table: &[f32]) -> Vec<f32> {
     let mut out = vec![0.0; points.len() / 3 * spec.outputs()];
     out.par_chunks_mut(CHUNK * spec.outputs())
         .zip(points.par_chunks(CHUNK * 3))
-        .for_each(|(out, points)| match spec.features {
-            1 => Arch::new().dispatch(ForwardChunk::<1>(spec, points, table, out)),
-            2 => Arch::new().dispatch(ForwardChunk::<2>(spec, points, table, out)),
-            4 => Arch::new().dispatch(ForwardChunk::<4>(spec, points, table, out)),
-            8 => Arch::new().dispatch(ForwardChunk::<8>(spec, points, table, out)),
-            other => unsupported(other),
+        .for_each(|(out, points)| {
+            Arch::new().dispatch(Forward {
+                spec,
+                points,
+                table,
+                out,
+            });
         });
     out
 }
 
+/// A part of the points.
+struct Forward<'a> {
+    spec: &'a HashGridSpec,
+    points: &'a [f32],
+    table: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Forward<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        encode(simd, self.spec, self.points, self.table, self.out);
+    }
+}
+
 fn unsupported(features: usize) -> ! {
     panic!("hash grids have 1, 2, 4 or 8 features an entry, not {features}")
+}
+
+/// [`forward`] on the calling thread, in code compiled for `simd`.
+#[inline(always)]
+pub(crate) fn encode<S: Simd>(
+    simd: S,
+    spec: &HashGridSpec,
+    points: &[f32],
+    table: &[f32],
+    out: &mut [f32],
+) {
+    match spec.features {
+        1 => simd.vectorize(ForwardChunk::<1>(spec, points, table, out)),
+        2 => simd.vectorize(ForwardChunk::<2>(spec, points, table, out)),
+        4 => simd.vectorize(ForwardChunk::<4>(spec, points, table, out)),
+        8 => simd.vectorize(ForwardChunk::<8>(spec, points, table, out)),
+        other => unsupported(other),
+    }
 }
 
 /// Points, table and encoded points.
@@ -236,14 +320,28 @@ impl<const F: usize> WithSimd for ForwardChunk<'_, F> {
         let Self(spec, points, table, out) = self;
         let groups: Vec<Group> = points.chunks(GROUP * 3).map(Group::of).collect();
         let width = spec.outputs();
+        #[cfg(target_arch = "x86_64")]
+        let quads = pulp::x86::V3::try_new().filter(|_| F == 4);
+        let mut cells = Cells::none();
         for index in 0..spec.levels {
             let level = spec.level(index);
             let table = &table[index * spec.level_params()..][..spec.level_params()];
-            let (entries, _) = table.as_chunks::<F>();
             for (group, out) in groups.iter().zip(out.chunks_mut(GROUP * width)) {
-                level
-                    .cells(group)
-                    .interpolate(entries, width, &mut out[index * F..]);
+                level.find(group, &mut cells);
+                let out = &mut out[index * F..];
+                #[cfg(target_arch = "x86_64")]
+                if let Some(simd) = quads {
+                    let quads = Quads {
+                        simd,
+                        cells: &cells,
+                        entries: table.as_chunks().0,
+                        width,
+                        out,
+                    };
+                    Simd::vectorize(simd, quads);
+                    continue;
+                }
+                cells.interpolate::<F>(table.as_chunks().0, width, out);
             }
         }
     }
@@ -301,8 +399,9 @@ impl<const F: usize> WithSimd for BackwardLevel<'_, F> {
         let (level, width) = (spec.level(index), spec.outputs());
         let (entries, _) = table_grad.as_chunks_mut::<F>();
         let grads = grad.chunks(GROUP * width);
+        let mut cells = Cells::none();
         for (points, grads) in points.chunks(GROUP * 3).zip(grads) {
-            let cells = level.cells(&Group::of(points));
+            level.find(&Group::of(points), &mut cells);
             cells.spread(&grads[index * F..], width, entries);
         }
     }

@@ -7,6 +7,7 @@ pub mod convolution;
 pub mod density_grid;
 pub mod hash_grid;
 pub mod mlp;
+pub mod passes;
 pub mod perceptual;
 pub mod radiance;
 

@@ -13,6 +13,8 @@ use burn_cubecl::tensor::CubeTensor;
 pub(crate) const RAY: usize = 8;
 /// Most looks at the inner density grid along a ray.
 const MOST_STEPS: f32 = 2e4;
+/// Light that is too little for what it meets to matter.
+const DARK: f32 = 1e-4;
 /// The step of the last outer sample, which everything infinitely far belongs to.
 const LAST_STEP: f32 = 1e10;
 
@@ -22,6 +24,7 @@ struct Shape {
     near: u32,
     inner_step: u32,
     explore: u32,
+    least: u32,
     outer_steps: usize,
     samples: usize,
     sides: [usize; 2],
@@ -33,6 +36,7 @@ impl Shape {
             near: spec.near.to_bits(),
             inner_step: spec.inner_step.to_bits(),
             explore: spec.explore.to_bits(),
+            least: spec.least.to_bits(),
             outer_steps: spec.outer_steps,
             samples: spec.samples.max(1),
             sides,
@@ -45,6 +49,10 @@ impl Shape {
 
     fn inner_step(&self) -> f32 {
         f32::from_bits(self.inner_step)
+    }
+
+    fn least(&self) -> f32 {
+        f32::from_bits(self.least)
     }
 
     /// What is spread evenly over a volume.
@@ -210,6 +218,7 @@ fn light(
     );
     let level = levels[x + side * (y + side * z)] as usize;
     let mut taken = reaching * (1.0 - table[from_table + level]);
+    taken = select(reaching < DARK, 0.0f32, taken);
     if outer {
         taken = select(i + 1 == comptime!(shape.outer_steps), reaching, taken);
     }
@@ -331,7 +340,8 @@ struct Target {
     parts: usize,
 }
 
-/// Writes the sample that stands for a volume's steps from `start` to `end`.
+/// Writes the sample that stands for a volume's steps from `start` to `end`, in which some light is
+/// expected. Where that is too little, it stands for no length, and is as if it were not there.
 #[cube]
 fn put(
     ray: &Ray,
@@ -339,6 +349,7 @@ fn put(
     part: usize,
     start: f32,
     end: f32,
+    expected: f32,
     points: &mut [f32],
     steps: &mut [f32],
     #[comptime] outer: bool,
@@ -347,13 +358,14 @@ fn put(
     let at = target.first + part;
     let middle = start + target.shift * (end - start);
     let mut depth = comptime!(shape.near()) + middle * ray.step;
-    let mut delta = (end - start) * ray.step * ray.length;
+    let length = select(expected < comptime!(shape.least()), 0.0f32, end - start);
+    let mut delta = length * ray.step * ray.length;
     if outer {
         let step = comptime!(1.0 / shape.outer_steps as f32);
         let (place, found) = outer_place(ray, 1.0 - middle * step);
         set_point(points, 3 * at, &place);
         depth = found;
-        delta = select(part + 1 == target.parts, LAST_STEP, (end - start) * step);
+        delta = select(part + 1 == target.parts, LAST_STEP, length * step);
     } else {
         set_point(points, 3 * at, &inner_place(ray, depth));
     }
@@ -405,7 +417,10 @@ fn cut(
                 let within = (wanted - sum) / (after - sum).max(1e-20);
                 let inside = (f32::cast_from(i) + within.clamp(0.0, 1.0)).max(start);
                 let end = select(part + 1 == target.parts, f32::cast_from(count), inside);
-                put(ray, target, part, start, end, points, steps, outer, shape);
+                let expected = total / parts - even * (end - start);
+                put(
+                    ray, target, part, start, end, expected, points, steps, outer, shape,
+                );
                 start = end;
                 part += 1;
             }

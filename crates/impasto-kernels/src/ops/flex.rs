@@ -9,7 +9,8 @@ use crate::{
 use burn::backend::ops::FloatTensorOps;
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Flex, TensorMetadata};
-use burn::tensor::{Shape, TensorData};
+use burn::tensor::{Shape, Tensor, TensorData};
+use std::ops::Deref;
 use std::sync::Arc;
 
 type Primitive = FloatTensor<Flex>;
@@ -19,6 +20,30 @@ fn with<R>(tensor: &Primitive, f: impl FnOnce(&[f32]) -> R) -> R {
     match tensor.as_slice::<f32>() {
         Some(slice) => f(slice),
         None => f(tensor.to_contiguous().storage::<f32>()),
+    }
+}
+
+/// The numbers of a tensor where they lie, if that is in the CPU's memory.
+#[derive(Debug, Clone)]
+pub struct OnHost(Primitive);
+
+impl OnHost {
+    /// `None` for tensors of other devices and of autodiff graphs.
+    pub fn of<const D: usize>(tensor: &Tensor<D>) -> Option<Self> {
+        let primitive = tensor.clone().try_into_primitive::<Flex>().ok()?;
+        Some(Self(match primitive.as_slice::<f32>() {
+            Some(_) => primitive,
+            None => primitive.to_contiguous(),
+        }))
+    }
+}
+
+impl Deref for OnHost {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        // Contiguous, and every tensor of this program is f32.
+        self.0.as_slice().unwrap_or_default()
     }
 }
 

@@ -8,6 +8,8 @@ mod autodiff;
 mod cube;
 mod flex;
 
+pub use flex::OnHost;
+
 use crate::{
     AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
 };

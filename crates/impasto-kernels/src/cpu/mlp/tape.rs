@@ -123,7 +123,9 @@ impl Tape {
             }
             let out = &mut rest[0][..rows * layer.outputs];
             let (weight, bias) = packed.layer(i);
-            if let Some(transposed) = &packed.transposed {
+            // A product fills whole vectors with neighbouring outputs.
+            let transposed = packed.transposed.as_ref().filter(|_| layer.outputs > 1);
+            if let Some(transposed) = transposed {
                 let input = Left::new(input, rows, layer.inputs);
                 let out = (&mut *out, Start::Row(bias), layer.outputs);
                 product(simd, out, input, &transposed[i], layer.outputs);

@@ -24,7 +24,7 @@ pub enum Density {
 
 impl Density {
     #[inline(always)]
-    fn of(self, x: f32) -> f32 {
+    pub(crate) fn of(self, x: f32) -> f32 {
         match self {
             Self::Exp => exp(limited(x)),
             Self::Abs => x.abs(),
