@@ -99,7 +99,7 @@ impl<'a> HostWeights<'a> {
         });
         Passes {
             of: self,
-            march: March::to_light(&self.field.config.sampling, grids),
+            march: March::to_light(&self.field.config.sampling, grids).bare(),
             geometry: [
                 pass(&self.field.inner, &self.volumes[0]),
                 pass(&self.field.outer, &self.volumes[1]),

@@ -4,7 +4,7 @@ use crate::appearance::{Appearance, AppearanceConfig, Shading};
 use crate::field::{Field, FieldWeights, Grids};
 use crate::host::HostWeights;
 use crate::paintable::Paintable;
-use crate::sampling::{RayBatch, Samples, cascade, march};
+use crate::sampling::{March, RayBatch, Samples, cascade, march};
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::CompositeLayout;
 use impasto_kernels::cpu::composite;
@@ -458,7 +458,13 @@ impl Seen {
         configs: &[&AppearanceConfig],
         rays: &RayBatch,
     ) -> Self {
-        let geometry = field.look(weights, rays, grids, None);
+        let geometry = match &weights.coarse {
+            Some(_) => field.look(weights, rays, grids, None),
+            None => {
+                let march = March::to_light(&field.config.sampling, grids);
+                field.geometry(weights, march.all(rays, None))
+            }
+        };
         let light = geometry.weights();
         let depth = median_depth(geometry.layout(), &light);
         let needs = |shading| configs.iter().any(|config| config.shading == shading);

@@ -29,8 +29,7 @@ pub struct MarchSpec {
     pub outer_steps: usize,
     /// Depth before which nothing is sampled.
     pub near: f32,
-    /// Light that a sample must be expected to find, or else it counts for nothing; 0 or less for
-    /// none.
+    /// Light that a sample must be expected to find, or else it counts for nothing; −1 to count all.
     pub least: f32,
 }
 

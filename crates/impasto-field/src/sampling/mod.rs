@@ -472,38 +472,50 @@ pub fn march(
 ) -> Samples {
     let march = March {
         least: ANY,
-        whole: true,
         ..March::to_light(config, grids)
     };
-    let parts: Vec<Part> = (0..rays.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map_init(<[Guide; 2]>::default, |guides, chunk| {
-            let chunk = MarchChunk {
-                march: &march,
-                rays,
-                chunk: chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len()),
-                seed,
-                guides,
-            };
-            Arch::new().dispatch(chunk)
-        })
-        .collect();
-    join(parts)
+    march.all(rays, seed)
 }
 
 impl<'a> March<'a> {
     /// [`march`] without a seed, and without samples that stand for parts in which the grids expect
     /// less than a ten-thousandth of the ray's light: an eighth of them on real scenes, for less
-    /// than 0.03 dB. (Training keeps them: what is never looked at is never learned.) Samples have
-    /// neither raw positions nor views.
+    /// than 0.03 dB. What grids take for nothing, less than 0.01 a unit, is nothing then. (Training
+    /// keeps them: what is never looked at is never learned.)
     pub(crate) fn to_light(config: &'a SamplingConfig, grids: &'a Grids) -> Self {
         Self {
             config,
             grids,
             tables: [config.inner_step, 1.0 / config.outer_steps as f32].map(Table::new),
             least: LEAST_LIGHT,
-            whole: false,
+            whole: true,
         }
+    }
+
+    /// The same with samples that have neither raw positions nor views.
+    pub(crate) fn bare(self) -> Self {
+        Self {
+            whole: false,
+            ..self
+        }
+    }
+
+    /// Samples of rays, on all threads.
+    pub(crate) fn all(&self, rays: &RayBatch, seed: Option<u64>) -> Samples {
+        let parts: Vec<Part> = (0..rays.len().div_ceil(CHUNK))
+            .into_par_iter()
+            .map_init(<[Guide; 2]>::default, |guides, chunk| {
+                let chunk = MarchChunk {
+                    march: self,
+                    rays,
+                    chunk: chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len()),
+                    seed,
+                    guides,
+                };
+                Arch::new().dispatch(chunk)
+            })
+            .collect();
+        join(parts)
     }
 
     /// Samples of a few rays, on the calling thread.

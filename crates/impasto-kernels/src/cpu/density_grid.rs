@@ -220,7 +220,7 @@ impl WithSimd for Cells<'_> {
         let index = |x: f32| {
             let x = if x > 0.0 { x * scale } else { 0.0 };
             let x = if x < last { x } else { last };
-            // SAFETY: not negative, and no more than `last`, a side of what is in memory.
+            // SAFETY: from −1 to `last`, a side of what is in memory.
             unsafe { x.to_int_unchecked::<i32>() as u32 }
         };
         for (cell, ((x, y), z)) in self.cells.iter_mut().zip(xs.iter().zip(ys).zip(zs)) {

@@ -341,7 +341,8 @@ struct Target {
 }
 
 /// Writes the sample that stands for a volume's steps from `start` to `end`, in which some light is
-/// expected. Where that is too little, it stands for no length, and is as if it were not there.
+/// expected. Where that is too little, it stands for no length, and is as if it were not there; but
+/// for the last outer one, which everything infinitely far belongs to.
 #[cube]
 fn put(
     ray: &Ray,
