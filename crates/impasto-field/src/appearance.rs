@@ -46,6 +46,12 @@ pub struct AppearanceConfig {
 }
 
 impl AppearanceConfig {
+    /// Whether there is a canvas that is no hash grid.
+    pub(crate) fn paints_by_position(&self) -> bool {
+        let canvas = self.canvas.as_ref();
+        canvas.is_some_and(|canvas| canvas.hash_grid().is_none())
+    }
+
     /// Layers of `app` on features of width `features` and positions of `dimensions` coordinates.
     pub fn network(&self, features: usize, dimensions: usize) -> AppNetwork {
         let view = self.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));

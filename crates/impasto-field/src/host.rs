@@ -66,8 +66,7 @@ impl<'a> HostWeights<'a> {
         looks: &[&Appearance],
         surface: Option<&'a AppearanceConfig>,
     ) -> Option<Self> {
-        let canvas = surface.and_then(|config| config.canvas.as_ref());
-        let by_position = canvas.is_some_and(|canvas| canvas.hash_grid().is_none());
+        let by_position = surface.is_some_and(AppearanceConfig::paints_by_position);
         if field.config.cascade.is_some() || by_position {
             return None;
         }

@@ -85,9 +85,8 @@ impl Field {
     fn resident(&self, app: &AppearanceConfig, device: &Device) -> Option<ResidentSpec> {
         let config = &self.config;
         let latent = config.inner.latent.or(config.outer.latent);
-        let canvas = app.canvas.as_ref();
-        let by_position = canvas.is_some_and(|canvas| canvas.hash_grid().is_none());
-        if is_cpu(device) || config.cascade.is_some() || latent.is_some() || by_position {
+        let is_hosts = is_cpu(device) || app.paints_by_position();
+        if is_hosts || config.cascade.is_some() || latent.is_some() {
             return None;
         }
         let spec = ResidentSpec {

@@ -5,7 +5,7 @@ mod common;
 use common::*;
 use impasto_kernels::cpu::passes::{GeometryPass, Samples, ShadingPass, means};
 use impasto_kernels::cpu::{hash_grid, mlp};
-use impasto_kernels::{Activation, CompositeLayout, Density, HashGridSpec, MlpSpec, RaySpan};
+use impasto_kernels::{Activation, CompositeLayout, Density, HashGridSpec, MlpSpec};
 
 const FEATURES: usize = 6;
 const VIEW: usize = 3;
@@ -105,17 +105,9 @@ fn poisoned_points_are_encoded_as_nothing_and_alone() {
     }
 }
 
-/// Rays with no to six inner and one to four outer samples.
 fn layout(rays: usize) -> CompositeLayout {
-    let counts: Vec<[usize; 2]> = (0..rays).map(|ray| [ray % 7, 1 + ray / 7 % 4]).collect();
-    let mut at = [0, counts.iter().map(|c| c[0]).sum()];
-    let spans = counts.iter().map(|count| {
-        let [inner, outer] = [0, 1].map(|v| at[v]..at[v] + count[v]);
-        at = [inner.end, outer.end];
-        RaySpan { inner, outer }
-    });
-    let rays = spans.collect();
-    let total: usize = counts.iter().flatten().sum();
+    let rays = spans(rays);
+    let total = rays.last().map_or(0, |span| span.outer.end);
     CompositeLayout {
         rays,
         deltas: numbers(1, total, 0.05..0.6),
@@ -238,11 +230,11 @@ fn poisoned_samples_spoil_their_ray_alone_and_not_when_left_out() {
 #[test]
 fn means_are_weighted_sums_of_rows() {
     let weights = numbers(1, 40, 0.0..1.0);
-    let spans = || [0..3, 3..3, 3..20, 19..40].into_iter();
+    let groups = || [0..3, 3..3, 3..20, 19..40].into_iter();
     for width in [1, 2, 3, 4, 32, 33] {
         let data = numbers(2, 40 * width, -1.0..1.0);
-        let found = means((&data, width), spans(), &weights);
-        let wanted: Vec<f64> = spans()
+        let found = means((&data, width), groups(), &weights);
+        let wanted: Vec<f64> = groups()
             .flat_map(|span| {
                 let column = |c: usize| {
                     let rows = span.clone();

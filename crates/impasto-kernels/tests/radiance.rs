@@ -29,16 +29,8 @@ fn spec(rays: usize, density: Density, view: usize) -> RadianceSpec {
             Activation::Sigmoid,
         ),
     };
-    // Rays with no to six inner and one to four outer samples.
-    let counts: Vec<[usize; 2]> = (0..rays).map(|ray| [ray % 7, 1 + ray / 7 % 4]).collect();
-    let mut at = [0, counts.iter().map(|c| c[0]).sum()];
-    let spans = counts.iter().map(|count| {
-        let [inner, outer] = [0, 1].map(|v| at[v]..at[v] + count[v]);
-        at = [inner.end, outer.end];
-        RaySpan { inner, outer }
-    });
-    let spans: Vec<RaySpan> = spans.collect();
-    let total: usize = counts.iter().flatten().sum();
+    let spans = spans(rays);
+    let total = spans.last().map_or(0, |span| span.outer.end);
     let mut distances = vec![0.0; total];
     for span in &spans {
         for (rank, i) in span.inner.clone().chain(span.outer.clone()).enumerate() {

@@ -5,6 +5,7 @@ pub mod convnet;
 pub mod on;
 
 use burn::tensor::{Gradients, Tensor, TensorData};
+use impasto_kernels::RaySpan;
 pub use impasto_kernels::device::tested as device;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -29,6 +30,18 @@ pub fn tensor<const D: usize>(data: &[f32], shape: [usize; D]) -> Tensor<D> {
 /// A leaf of a graph.
 pub fn leaf<const D: usize>(data: &[f32], shape: [usize; D]) -> Tensor<D> {
     tensor(data, shape).require_grad()
+}
+
+/// Rays with no to six inner and one to four outer samples, packed ray by ray.
+pub fn spans(rays: usize) -> Vec<RaySpan> {
+    let counts: Vec<[usize; 2]> = (0..rays).map(|ray| [ray % 7, 1 + ray / 7 % 4]).collect();
+    let mut at = [0, counts.iter().map(|c| c[0]).sum()];
+    let spans = counts.iter().map(|count| {
+        let [inner, outer] = [0, 1].map(|v| at[v]..at[v] + count[v]);
+        at = [inner.end, outer.end];
+        RaySpan { inner, outer }
+    });
+    spans.collect()
 }
 
 /// A tensor's numbers in row-major order.
