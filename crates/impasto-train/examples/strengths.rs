@@ -5,7 +5,7 @@
 
 use impasto_scene::{Split, read_rgb};
 use impasto_style::Statistics;
-use impasto_train::{Inspiration, Keep, Look, Model, PreparedView, STYLE_SIDE, whole};
+use impasto_train::{StyleEmbedding, ColorPreservation, Look, Model, ViewGBuffer, STYLE_SIDE, whole};
 use std::error::Error;
 use std::io::Write;
 use std::path::Path;
@@ -14,7 +14,7 @@ type Answer<T> = Result<T, Box<dyn Error>>;
 
 struct Gallery {
     model: Model,
-    views: Vec<PreparedView>,
+    views: Vec<ViewGBuffer>,
     vgg: impasto_style::Perceptual,
 }
 
@@ -25,7 +25,7 @@ impl Gallery {
             let k = &camera.intrinsics;
             let scale = f64::from(STYLE_SIDE) / f64::from(k.width.min(k.height));
             let side = |length: u32| (f64::from(length) * scale).round() as u32;
-            model.prepare_view(&camera.resized(side(k.width), side(k.height)))
+            model.gbuffer(&camera.resized(side(k.width), side(k.height)))
         });
         Ok(Self {
             views: views.collect(),
@@ -34,7 +34,7 @@ impl Gallery {
         })
     }
 
-    fn statistics(&self, view: &PreparedView, pixels: &[f32]) -> Answer<Statistics> {
+    fn statistics(&self, view: &ViewGBuffer, pixels: &[f32]) -> Answer<Statistics> {
         let bytes = pixels.iter().map(|v| (v * 255.0).round() as u8).collect();
         let picture = image::RgbImage::from_raw(view.width as u32, view.height as u32, bytes);
         Ok(whole(&self.vgg, &picture.ok_or("no picture")?, STYLE_SIDE)?)
@@ -48,18 +48,18 @@ impl Gallery {
     ) -> Answer<f32> {
         let coat = self
             .model
-            .coat_of(look.clone(), strength, Keep::None, None)?;
+            .layer_of(look.clone(), strength, ColorPreservation::None, None)?;
         let mut sum = 0.0;
         for view in &self.views {
-            let painted = self.model.paint_view(view, std::slice::from_ref(&coat));
+            let painted = self.model.shade(view, std::slice::from_ref(&coat));
             let painted = self.statistics(view, &painted)?;
             sum += number(&painted, &self.statistics(view, view.photo())?);
         }
         Ok(sum / self.views.len() as f32)
     }
 
-    fn look(&self, mix: &[(Inspiration, f32)]) -> Answer<Look> {
-        let mix = Inspiration::mix(mix).ok_or("no weight")?;
+    fn look(&self, mix: &[(StyleEmbedding, f32)]) -> Answer<Look> {
+        let mix = StyleEmbedding::mix(mix).ok_or("no weight")?;
         Ok(self.model.look(&mix).ok_or("no style stage")?)
     }
 }
@@ -71,7 +71,7 @@ fn main() -> Answer<()> {
         .ok_or("give a model and paintings")?;
     let gallery = Gallery::new(Model::load(Path::new(model))?)?;
     let mut out = std::io::stdout();
-    let mut known: Vec<(&str, Statistics, Inspiration)> = Vec::new();
+    let mut known: Vec<(&str, Statistics, StyleEmbedding)> = Vec::new();
     for name in paintings {
         let painting = read_rgb(Path::new(name))?;
         let wanted = whole(&gallery.vgg, &painting, STYLE_SIDE)?;

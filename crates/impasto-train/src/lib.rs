@@ -41,7 +41,7 @@ pub use budget::{Budget, Clock};
 pub use burn::tensor::Device;
 pub use checkpoint::CHECKPOINT_FILE;
 pub use coats::{
-    Coat, CoatError, CoatSpec, Coats, Keep, MaskSpec, PaintingSpec, PreparedView, Shape,
+    StyleLayer, LayerError, StyleLayerSpec, StyleLayers, ColorPreservation, MaskSpec, PaintingSpec, ViewGBuffer, Shape,
 };
 pub use config::TrainConfig;
 pub use encoder::{
@@ -53,10 +53,10 @@ pub use geometry_stage::{GeometryStage, StepReport};
 pub use identity::Identity;
 pub use impasto_field::render::LOST;
 pub use impasto_kernels::device::{DeviceChoice, NoDevice, Opened, is_cpu};
-pub use model::{Inspiration, Look, Model, RenderedView};
+pub use model::{StyleEmbedding, Look, Model, RenderedView};
 pub use model_file::{Finished, MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 pub use objective::StyleReport;
-pub use palette::{Palette, Recolouring};
+pub use palette::{ColorStatistics, ColorTransfer};
 pub use patches::Frozen;
 pub use rays::{CameraRays, PhotoRays, photo_rays};
 pub use recovery::{Recovery, Stop, Unfinished};

@@ -1,4 +1,4 @@
-//! Coats of paint on a trained scene.
+//! StyleLayers of paint on a trained scene.
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 
 mod common;
@@ -7,7 +7,7 @@ use common::{run, small};
 use image::{Rgb, RgbImage};
 use impasto_scene::{Camera, Split};
 use impasto_train::{
-    Budget, Coat, Coats, Keep, MaskSpec, Model, Palette, Shape, TrainOptions, train,
+    Budget, StyleLayer, StyleLayers, ColorPreservation, MaskSpec, Model, ColorStatistics, Shape, TrainOptions, train,
 };
 use std::sync::LazyLock;
 
@@ -48,21 +48,21 @@ fn fire() -> RgbImage {
     painting([230, 60, 20], [250, 200, 60])
 }
 
-fn coat(painting: &RgbImage, spec: &str) -> Coat {
+fn coat(painting: &RgbImage, spec: &str) -> StyleLayer {
     let json = format!(r#"{{"coats": [{{"paintings": [{{"painting": "one"}}] {spec}}}]}}"#);
-    let coats: Coats = serde_json::from_str(&json).unwrap();
+    let coats: StyleLayers = serde_json::from_str(&json).unwrap();
     coats.check().unwrap();
     let inspiration = MODEL.inspiration(painting).unwrap();
     MODEL.coat(&coats.coats[0], &[(inspiration, 1.0)]).unwrap()
 }
 
-fn painted(coats: &[Coat]) -> Vec<f32> {
-    MODEL.paint_view(&MODEL.prepare_view(&camera()), coats)
+fn painted(coats: &[StyleLayer]) -> Vec<f32> {
+    MODEL.shade(&MODEL.gbuffer(&camera()), coats)
 }
 
 fn photo() -> Vec<f32> {
     MODEL
-        .render(&camera(), &[&MODEL.photo_look()])
+        .render(&camera(), &[&MODEL.photo_appearance()])
         .pixels
         .remove(0)
 }
@@ -82,18 +82,18 @@ fn mean_apart(a: &[f32], b: &[f32]) -> f32 {
 fn a_prepared_view_is_painted_as_a_whole_one_is_rendered() {
     let look = MODEL.look(&MODEL.inspiration(&fire()).unwrap()).unwrap();
     let rendered = MODEL.render(&camera(), &[&look]);
-    let view = MODEL.prepare_view(&camera());
-    let found = MODEL.paint_view(&view, &[Coat::plain(look)]);
+    let view = MODEL.gbuffer(&camera());
+    let found = MODEL.shade(&view, &[StyleLayer::plain(look)]);
     assert!(apart(&found, &rendered.pixels[0]) < 1e-5);
     assert_eq!(view.depth(), rendered.depth);
     assert!(apart(&painted(&[]), &photo()) < 1e-6);
     assert!(view.bytes() > 40 * 30 * 4 * 10);
     // In parts, as progressive pictures are.
     let [upper, lower] =
-        [(0, 11), (11, 19)].map(|(from, count)| MODEL.prepare_view(&camera().rows(from, count)));
+        [(0, 11), (11, 19)].map(|(from, count)| MODEL.gbuffer(&camera().rows(from, count)));
     assert_eq!((upper.height, lower.height), (11, 19));
     let parts = [upper, lower]
-        .map(|part| MODEL.paint_view(&part, &[]))
+        .map(|part| MODEL.shade(&part, &[]))
         .concat();
     assert!(apart(&parts, &photo()) < 1e-6);
 }
@@ -112,13 +112,13 @@ fn coats_rendered_from_one_pass_are_those_of_a_prepared_view() {
             r#", "keep": "luminance", "mask": {"shape": "far"}"#,
         ),
     ];
-    let lists: [&[Coat]; 4] = [&full, &[], &thin, &two];
-    let all = MODEL.render_coats(&camera(), &lists, 1);
+    let lists: [&[StyleLayer]; 4] = [&full, &[], &thin, &two];
+    let all = MODEL.render_layers(&camera(), &lists, 1);
     for (list, pixels) in lists.iter().zip(&all.pixels) {
         assert!(apart(pixels, &painted(list)) < 1e-5);
     }
     // Without a photo's look among them.
-    let one = MODEL.render_coats(&camera(), &lists[..1], 2);
+    let one = MODEL.render_layers(&camera(), &lists[..1], 2);
     assert_eq!((one.width, one.pixels[0].len()), (40, 40 * 30 * 3));
 }
 
@@ -137,7 +137,7 @@ fn a_mix_lies_between_its_paintings() {
     let (one, other) = (fire(), painting([20, 40, 120], [90, 160, 220]));
     let inspirations = [&one, &other].map(|p| MODEL.inspiration(p).unwrap());
     let json = r#"{"coats": [{"paintings": [{"painting": "a"}, {"painting": "b"}]}]}"#;
-    let spec = serde_json::from_str::<Coats>(json).unwrap().coats.remove(0);
+    let spec = serde_json::from_str::<StyleLayers>(json).unwrap().coats.remove(0);
     let of = |weights: [f32; 2]| {
         let all: Vec<_> = inspirations.iter().cloned().zip(weights).collect();
         let pixels = painted(&[MODEL.coat(&spec, &all).unwrap()]);
@@ -157,7 +157,7 @@ fn a_mix_lies_between_its_paintings() {
 
 #[test]
 fn outside_of_a_mask_nothing_changes() {
-    let view = MODEL.prepare_view(&camera());
+    let view = MODEL.gbuffer(&camera());
     let point = view.point(20, 15).unwrap();
     let mask = format!(r#""shape": {{"sphere": {{"centre": {point:?}, "radius": 0.15}}}}"#);
     let photo = photo();
@@ -230,13 +230,13 @@ fn kept_colours_are_the_scenes() {
         off(&moved),
         off(&paint)
     );
-    let palette = |pixels: &[f32]| Palette::of(pixels.chunks_exact(3));
+    let palette = |pixels: &[f32]| ColorStatistics::of(pixels.chunks_exact(3));
     assert_ne!(palette(&moved), palette(&paint));
 }
 
 #[test]
 fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
-    let view = MODEL.prepare_view(&camera());
+    let view = MODEL.gbuffer(&camera());
     let point = view.point(20, 25).unwrap();
     let surface = format!(r#"{{"surface": {{"point": {point:?}, "tolerance": 0.08}}}}"#);
     let coats = [coat(
@@ -255,8 +255,8 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
     assert!(apart(&found[at..at + 3], &photo[at..at + 3]) > 0.02);
 
     let other = MODEL.file.scene.cameras(Split::Train)[1].resized(40, 30);
-    let seen = MODEL.prepare_view(&other);
-    let elsewhere = share(&MODEL.paint_view(&seen, &coats), seen.photo());
+    let seen = MODEL.gbuffer(&other);
+    let elsewhere = share(&MODEL.shade(&seen, &coats), seen.photo());
     assert!(elsewhere > 0.02, "{elsewhere}");
 
     let nowhere = MaskSpec {
@@ -268,7 +268,7 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
     };
     let look = MODEL.look(&MODEL.inspiration(&fire()).unwrap()).unwrap();
     let error = MODEL
-        .coat_of(look, 1.0, Keep::None, Some(&nowhere))
+        .layer_of(look, 1.0, ColorPreservation::None, Some(&nowhere))
         .unwrap_err();
     assert!(
         error.to_string().contains("no surface at (0, -0.99, 0)"),

@@ -73,7 +73,7 @@ fn a_model_looks_alike_on_every_device() {
             let look = model.look(&model.inspiration(&painting).unwrap()).unwrap();
             let photos = &model.file.scene.photos;
             let photo = photos.iter().find(|p| p.split == Split::Test).unwrap();
-            model.render(&photo.camera, &[&model.photo_look(), &look])
+            model.render(&photo.camera, &[&model.photo_appearance(), &look])
         });
         let [one, other] = &views;
         for (what, (one, other)) in ["photo", "painting"]

@@ -113,7 +113,7 @@ fn geometry_stage_learns_one_photo_by_heart() {
     let (_dir, scene) = capture(2);
     let model = Model::from_file(reconstruct(&scene, &small(), 150), tested());
     let (_, photo) = scene.train().next().unwrap();
-    let view = model.render(&photo.camera, &[&model.photo_look()]);
+    let view = model.render(&photo.camera, &[&model.photo_appearance()]);
     let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
     assert!(
         psnr > 24.0,
@@ -144,7 +144,7 @@ fn a_model_is_refitted_to_other_pictures_of_its_views() {
         let refitted = refitted.unwrap();
         let camera = scene.photos[1].camera;
         let off = |model: &Model| {
-            let view = model.render(&camera, &[&model.photo_look()]);
+            let view = model.render(&camera, &[&model.photo_appearance()]);
             let pixels = view.pixels[0].iter().zip(colour.into_iter().cycle());
             let off = pixels.map(|(v, c)| (v - f32::from(c) / 255.0).abs());
             off.sum::<f32>() / view.pixels[0].len() as f32
@@ -286,7 +286,7 @@ fn a_cascade_learns_one_photo_by_heart() {
     let (_dir, scene) = capture(2);
     let model = Model::from_file(reconstruct(&scene, &small_paper(), 250), tested());
     let (_, photo) = scene.train().next().unwrap();
-    let view = model.render(&photo.camera, &[&model.photo_look()]);
+    let view = model.render(&photo.camera, &[&model.photo_appearance()]);
     let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
     assert!(psnr > 20.0, "{psnr:.1} dB");
 }
@@ -340,7 +340,7 @@ fn write_and_read(config: TrainConfig) {
     let painting = paint(&Recipe::nth_of(Family::ALL[2], 3), 64, 64);
     let [one, two] = [&one, &two].map(|m| {
         let look = m.look(&m.inspiration(&painting).unwrap()).unwrap();
-        m.render(camera, &[&m.photo_look(), &look]).pixels
+        m.render(camera, &[&m.photo_appearance(), &look]).pixels
     });
     assert_eq!(one, two);
     assert!(!one[0].iter().any(|v| v.is_nan()));

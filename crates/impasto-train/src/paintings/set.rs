@@ -4,7 +4,7 @@ use crate::TrainError;
 use crate::config::PictureConfig;
 use crate::event::Event;
 use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
-use crate::palette::Palette;
+use crate::palette::ColorStatistics;
 use crate::style_cache::Measured;
 use crate::style_folder::{StyleFile, StyleFolder};
 use image::RgbImage;
@@ -34,7 +34,7 @@ pub struct Style {
     /// less variety than the whole, and more border for its pixels.
     pub target: Statistics,
     /// Its colours.
-    pub palette: Palette,
+    pub palette: ColorStatistics,
     /// The code.
     pub code: StyleCode,
 }
@@ -190,7 +190,7 @@ impl StyleSet {
         let (mut kept, mut windows) = (Vec::new(), Vec::new());
         for image in pictures {
             let square = square_crop(image, 1.0, (0.5, 0.5), settings.side);
-            let palette = Palette::of_picture(image);
+            let palette = ColorStatistics::of_picture(image);
             let measured = |s| Arc::new(Measured::new(&s, palette));
             kept.push(measured(statistics(vgg, &square)?));
             if settings.windowed {

@@ -8,7 +8,7 @@ use crate::event::{Event, Stage};
 use crate::geometry_stage::GeometryStage;
 use crate::identity::Identity;
 use crate::log::Log;
-use crate::model::{Inspiration, Model};
+use crate::model::{StyleEmbedding, Model};
 use crate::model_file::{Entry, Finished, ModelFile, ModelPhoto, ModelScene, Quality, Reader};
 use crate::patches::Frozen;
 use crate::progress::Progress;
@@ -355,7 +355,7 @@ impl Run<'_> {
         let shown: Vec<_> = (0..styles.len())
             .step_by(styles.len().div_ceil(4).max(1))
             .map(|index| styles.style(&vae, index, None))
-            .map(|style| Inspiration {
+            .map(|style| StyleEmbedding {
                 code: style.code,
                 palette: style.palette,
             })

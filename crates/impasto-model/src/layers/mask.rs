@@ -1,13 +1,13 @@
-//! Where a coat goes.
+//! Where a layer of paint goes.
 
-use super::region::Region;
+use crate::layers::region::Region;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// A part of the scene, in scene space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Shape {
+pub enum MaskShape {
     /// The inner volume: inside the unit sphere.
     Near,
     /// The outer one.
@@ -48,7 +48,7 @@ pub enum Shape {
 #[serde(deny_unknown_fields)]
 pub struct MaskSpec {
     /// The part.
-    pub shape: Shape,
+    pub shape: MaskShape,
     /// Whether everything else is meant.
     #[serde(default)]
     pub inverted: bool,
@@ -62,8 +62,8 @@ impl MaskSpec {
     pub fn check(&self) -> Result<(), String> {
         let finite = |numbers: &[f32]| numbers.iter().all(|x| x.is_finite());
         match &self.shape {
-            Shape::Near | Shape::Far => Ok(()),
-            Shape::Depth { from, to } => {
+            MaskShape::Near | MaskShape::Far => Ok(()),
+            MaskShape::Depth { from, to } => {
                 let to = to.unwrap_or(f32::MAX);
                 match *from >= 0.0 && from.is_finite() && to > *from {
                     true => Ok(()),
@@ -72,7 +72,7 @@ impl MaskSpec {
                     )),
                 }
             }
-            Shape::Box { min, max } => {
+            MaskShape::Box { min, max } => {
                 let extends = min.iter().zip(max).all(|(low, high)| low < high);
                 match extends && finite(min) && finite(max) {
                     true => Ok(()),
@@ -81,7 +81,7 @@ impl MaskSpec {
                     }
                 }
             }
-            Shape::Sphere { centre, radius } => {
+            MaskShape::Sphere { centre, radius } => {
                 match finite(centre) && *radius > 0.0 && radius.is_finite() {
                     true => Ok(()),
                     false => Err(format!(
@@ -89,7 +89,7 @@ impl MaskSpec {
                     )),
                 }
             }
-            Shape::Surface { point, tolerance } => {
+            MaskShape::Surface { point, tolerance } => {
                 match finite(point) && (0.0..=1.0).contains(tolerance) {
                     true => Ok(()),
                     false => Err(format!(
@@ -104,7 +104,7 @@ impl MaskSpec {
 /// A part of the scene, ready to be asked.
 #[derive(Debug, Clone)]
 pub(crate) struct Mask {
-    pub(super) shape: Shape,
+    pub(super) shape: MaskShape,
     /// The grown region of a surface.
     pub(super) region: Option<Region>,
     pub(super) inverted: bool,
@@ -115,13 +115,13 @@ pub(crate) struct Mask {
 const FEATHER: f32 = 0.04;
 
 impl Mask {
-    /// How much of the coat goes where a ray ends, from 0 to 1. A depth that is not finite is beyond
+    /// How much of the layer goes where a ray ends, from 0 to 1. A depth that is not finite is beyond
     /// everything.
     pub(crate) fn share(&self, origin: [f32; 3], direction: [f32; 3], depth: f32) -> f32 {
         let share = match depth.is_finite() {
             true => self.inside(Vec3::from(origin) + Vec3::from(direction) * depth, depth),
             false => {
-                let endless = matches!(self.shape, Shape::Far | Shape::Depth { to: None, .. });
+                let endless = matches!(self.shape, MaskShape::Far | MaskShape::Depth { to: None, .. });
                 f32::from(u8::from(endless))
             }
         };
@@ -130,23 +130,23 @@ impl Mask {
 
     fn inside(&self, point: Vec3, depth: f32) -> f32 {
         match &self.shape {
-            Shape::Near => feathered(1.0 - point.length(), FEATHER),
-            Shape::Far => 1.0 - feathered(1.0 - point.length(), FEATHER),
-            Shape::Depth { from, to } => {
+            MaskShape::Near => feathered(1.0 - point.length(), FEATHER),
+            MaskShape::Far => 1.0 - feathered(1.0 - point.length(), FEATHER),
+            MaskShape::Depth { from, to } => {
                 let size = to.unwrap_or(2.0 * from.max(0.5)) - from;
                 let before = to.map_or(f32::INFINITY, |to| to - depth);
                 feathered((depth - from).min(before), FEATHER * size)
             }
-            Shape::Box { min, max } => {
+            MaskShape::Box { min, max } => {
                 let (min, max) = (Vec3::from(*min), Vec3::from(*max));
                 let deep = (point - min).min(max - point).min_element();
                 feathered(deep, FEATHER * (max - min).min_element())
             }
-            Shape::Sphere { centre, radius } => feathered(
+            MaskShape::Sphere { centre, radius } => feathered(
                 radius - point.distance(Vec3::from(*centre)),
                 FEATHER * radius,
             ),
-            Shape::Surface { .. } => self
+            MaskShape::Surface { .. } => self
                 .region
                 .as_ref()
                 .map_or(0.0, |region| region.share(point)),
@@ -164,7 +164,7 @@ fn feathered(deep: f32, width: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn share(shape: &Shape, point: [f32; 3]) -> f32 {
+    fn share(shape: &MaskShape, point: [f32; 3]) -> f32 {
         // From far behind the point, along z.
         let mask = |inverted| Mask {
             shape: shape.clone(),
@@ -179,14 +179,14 @@ mod tests {
 
     #[test]
     fn shapes_hold_their_middle_and_nothing_outside() {
-        let sphere = || Shape::Sphere {
+        let sphere = || MaskShape::Sphere {
             centre: [0.1, 0.0, 0.0],
             radius: 0.5,
         };
         assert_eq!(share(&sphere(), [0.1, 0.0, 0.0]), 1.0);
         assert_eq!(share(&sphere(), [0.61, 0.0, 0.0]), 0.0);
         assert!((0.1..0.9).contains(&share(&sphere(), [0.59, 0.0, 0.0])));
-        let cube = || Shape::Box {
+        let cube = || MaskShape::Box {
             min: [0.0; 3],
             max: [1.0, 2.0, 3.0],
         };
@@ -199,19 +199,19 @@ mod tests {
         );
         assert_eq!(
             (
-                share(&Shape::Near, [0.5, 0.5, 0.0]),
-                share(&Shape::Far, [0.5, 0.5, 0.0])
+                share(&MaskShape::Near, [0.5, 0.5, 0.0]),
+                share(&MaskShape::Far, [0.5, 0.5, 0.0])
             ),
             (1.0, 0.0)
         );
         assert_eq!(
             (
-                share(&Shape::Near, [1.0, 0.5, 0.0]),
-                share(&Shape::Far, [1.0, 0.5, 0.0])
+                share(&MaskShape::Near, [1.0, 0.5, 0.0]),
+                share(&MaskShape::Far, [1.0, 0.5, 0.0])
             ),
             (0.0, 1.0)
         );
-        let depth = |from, to| share(&Shape::Depth { from, to }, [0.0; 3]);
+        let depth = |from, to| share(&MaskShape::Depth { from, to }, [0.0; 3]);
         assert_eq!(
             (
                 depth(2.0, Some(4.0)),
@@ -232,17 +232,17 @@ mod tests {
             };
             mask.share([0.0; 3], [0.0, 0.0, 1.0], f32::INFINITY)
         };
-        assert_eq!(endless(Shape::Far), 1.0);
-        assert_eq!(endless(Shape::Near), 0.0);
+        assert_eq!(endless(MaskShape::Far), 1.0);
+        assert_eq!(endless(MaskShape::Near), 0.0);
         assert_eq!(
-            endless(Shape::Depth {
+            endless(MaskShape::Depth {
                 from: 1.0,
                 to: None
             }),
             1.0
         );
         assert_eq!(
-            endless(Shape::Depth {
+            endless(MaskShape::Depth {
                 from: 1.0,
                 to: Some(9.0)
             }),

@@ -4,7 +4,7 @@
 //! replaced as a whole.
 
 use crate::hash::Hash;
-use crate::palette::Palette;
+use crate::palette::ColorStatistics;
 use half::f16;
 use impasto_style::Statistics;
 use std::collections::HashMap;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// First bytes of every file; the number is raised when records change.
 const HEADER: &[u8; 16] = b"IMPASTO styles 2";
 /// Key, palette, statistics, checksum.
-const RECORD: usize = 14 + 8 * Palette::NUMBERS + 2 * Statistics::LEN + 8;
+const RECORD: usize = 14 + 8 * ColorStatistics::NUMBERS + 2 * Statistics::LEN + 8;
 /// No file holds more records, which bounds the memory that reading takes.
 const MOST_RECORDS: usize = 160_000;
 
@@ -40,12 +40,12 @@ pub(crate) struct Measured {
     /// was cached.
     statistics: Box<[f16]>,
     /// Its colours.
-    pub palette: Palette,
+    pub palette: ColorStatistics,
 }
 
 impl Measured {
     /// Rounds what was measured.
-    pub(crate) fn new(statistics: &Statistics, palette: Palette) -> Self {
+    pub(crate) fn new(statistics: &Statistics, palette: ColorStatistics) -> Self {
         Self {
             statistics: statistics.0.iter().map(|x| f16::from_f32(*x)).collect(),
             palette,
@@ -219,8 +219,8 @@ fn decode(bytes: &[u8; RECORD]) -> Option<(Key, Measured)> {
     let (picture, rest) = content.split_first_chunk::<8>()?;
     let (key, rest) = rest.split_first_chunk::<6>()?;
     let short = |i: usize| u16::from_le_bytes([key[i], key[i + 1]]);
-    let (palette, statistics) = rest.split_at_checked(8 * Palette::NUMBERS)?;
-    let mut numbers = [0.0; Palette::NUMBERS];
+    let (palette, statistics) = rest.split_at_checked(8 * ColorStatistics::NUMBERS)?;
+    let mut numbers = [0.0; ColorStatistics::NUMBERS];
     let (words, _) = palette.as_chunks::<8>();
     for (number, word) in numbers.iter_mut().zip(words) {
         *number = f64::from_le_bytes(*word);
@@ -234,7 +234,7 @@ fn decode(bytes: &[u8; RECORD]) -> Option<(Key, Measured)> {
         },
         Measured {
             statistics: halves.iter().map(|b| f16::from_le_bytes(*b)).collect(),
-            palette: Palette::of_numbers(&numbers),
+            palette: ColorStatistics::of_numbers(&numbers),
         },
     ))
 }
@@ -248,7 +248,7 @@ mod tests {
     fn picture(number: u16) -> (Key, Arc<Measured>) {
         let colours = [0.1 * f32::from(number), 0.3, 0.9, 0.2, 0.7, 0.4];
         let statistics = Statistics(vec![f32::from(number) + 0.123_456; Statistics::LEN]);
-        let palette = Palette::of(colours.chunks_exact(3));
+        let palette = ColorStatistics::of(colours.chunks_exact(3));
         let key = Key {
             picture: u64::from(number),
             crop: number,

@@ -2,7 +2,7 @@
 
 use crate::budget::{Budget, Clock, Looks};
 use crate::config::{ContentTarget, StyleConfig};
-use crate::model::{Inspiration, Look, Model};
+use crate::model::{StyleEmbedding, Look, Model};
 use crate::objective::Objective;
 use crate::painted;
 use crate::patches::{Frozen, PatchPool};
@@ -88,7 +88,7 @@ impl<'a> Refinement<'a> {
         progress: &mut dyn FnMut(f64),
     ) -> Result<Option<Look>, StyleError> {
         let inspirations = self.model.inspirations(paintings.iter().copied())?;
-        let Some(inspiration) = Inspiration::mix(&inspirations) else {
+        let Some(inspiration) = StyleEmbedding::mix(&inspirations) else {
             return Ok(None);
         };
         let Some(predicted) = self.model.predicted(&inspiration.code) else {

@@ -14,7 +14,7 @@ type Cell = [i16; 3];
 /// The surfaces of a scene in cells of contracted space, each with the mean of the colours that
 /// training views see in it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Surroundings {
+pub(crate) struct SurfaceCells {
     cells: HashMap<Cell, Vec3>,
 }
 
@@ -52,7 +52,7 @@ fn around(cell: Cell, reach: i16) -> impl Iterator<Item = Cell> {
     })
 }
 
-impl Surroundings {
+impl SurfaceCells {
     /// Of points on surfaces, in scene space, with their colours.
     pub(crate) fn new(points: impl Iterator<Item = (Vec3, Vec3)>) -> Self {
         let mut sums: HashMap<Cell, (Vec3, f32)> = HashMap::new();
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     /// Two walls that do not touch, the left one half red and half blue.
-    fn walls() -> Surroundings {
+    fn walls() -> SurfaceCells {
         let side = || (0..=200u8).map(|i| f32::from(i) / 200.0 - 0.5);
         let left = side().flat_map(move |y| side().map(move |z| (y, z)));
         let points = left.flat_map(|(y, z)| {
@@ -143,7 +143,7 @@ mod tests {
                 (Vec3::new(0.5, y, z), Vec3::X),
             ]
         });
-        Surroundings::new(points)
+        SurfaceCells::new(points)
     }
 
     #[test]
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn a_region_needs_a_surface() {
         assert!(walls().region(Vec3::ZERO, 0.5).is_none());
-        assert!(Surroundings::default().region(Vec3::ZERO, 1.0).is_none());
+        assert!(SurfaceCells::default().region(Vec3::ZERO, 1.0).is_none());
         // Slightly off the surface, as a depth read from a picture is.
         assert!(walls().region(Vec3::new(-0.46, 0.0, 0.0), 0.5).is_some());
     }
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn all_of_space_has_cells() {
         let points = [1e-3f32, 1.0, 1e3, 1e12].map(|x| (Vec3::new(x, 0.0, 0.0), Vec3::ONE));
-        let far = Surroundings::new(
+        let far = SurfaceCells::new(
             points
                 .into_iter()
                 .chain([(Vec3::splat(f32::NAN), Vec3::ONE)]),

@@ -4,7 +4,7 @@
 use crate::config::PictureConfig;
 use crate::event::Event;
 use crate::hash::Hash;
-use crate::palette::Palette;
+use crate::palette::ColorStatistics;
 use crate::progress::REPORT_EVERY;
 use crate::style_cache::{Cache, Key, Measured};
 use crate::style_folder::{StyleFile, StyleFolder};
@@ -254,7 +254,7 @@ impl Gathering<'_> {
             Ok(square) => square,
             Err(reason) => return Ok(Outcome::Unreadable(reason)),
         };
-        let palette = Palette::of(picture(&square).chunks_exact(3));
+        let palette = ColorStatistics::of(picture(&square).chunks_exact(3));
         let measured = |statistics| Arc::new(Measured::new(&statistics, palette));
         let whole = match whole {
             Some(whole) => whole,

@@ -1,8 +1,8 @@
 //! Painted views.
 
-use super::{Coat, CoatError, CoatSpec, Coated, Keep, Mask, Shape, Surroundings};
-use crate::model::{Inspiration, Look, Model, RenderedView};
-use crate::palette::Palette;
+use super::{StyleLayer, LayerError, StyleLayerSpec, Coated, ColorPreservation, Mask, Shape, Surroundings};
+use crate::model::{StyleEmbedding, Look, Model, RenderedView};
+use crate::palette::ColorStatistics;
 use crate::rays::CameraRays;
 use glam::Vec3;
 use impasto_field::{Appearance, RayBatch, SeenRays, see_rays};
@@ -14,7 +14,7 @@ const VIEW_SIDE: f64 = 144.0;
 
 /// A view's geometry, ready for any paint; one ray a pixel.
 #[derive(Debug, Clone)]
-pub struct PreparedView {
+pub struct ViewGBuffer {
     /// Pixels across.
     pub width: usize,
     /// Pixels down.
@@ -23,7 +23,7 @@ pub struct PreparedView {
     seen: SeenRays,
 }
 
-impl PreparedView {
+impl ViewGBuffer {
     /// `height × width`, depth along the camera's axis in scene units, infinite where nothing is.
     pub fn depth(&self) -> &[f32] {
         &self.seen.depth
@@ -54,41 +54,41 @@ impl Model {
     /// are what the specification's resolve to, in any order.
     ///
     /// # Errors
-    /// [`CoatError::Unstyled`], and [`CoatError::NoSurface`] where a region cannot grow.
+    /// [`LayerError::Unstyled`], and [`LayerError::NoSurface`] where a region cannot grow.
     pub fn coat(
         &self,
-        spec: &CoatSpec,
-        paintings: &[(Inspiration, f32)],
-    ) -> Result<Coat, CoatError> {
-        let mix = Inspiration::mix(paintings).ok_or_else(|| CoatError::Value {
+        spec: &StyleLayerSpec,
+        paintings: &[(StyleEmbedding, f32)],
+    ) -> Result<StyleLayer, LayerError> {
+        let mix = StyleEmbedding::mix(paintings).ok_or_else(|| LayerError::Value {
             number: 1,
             problem: "all its paintings have weight 0; give at least one more".into(),
         })?;
-        let look = self.look(&mix).ok_or(CoatError::Unstyled)?;
-        self.coat_of(look, spec.strength, spec.keep, spec.mask.as_ref())
+        let look = self.look(&mix).ok_or(LayerError::Unstyled)?;
+        self.layer_of(look, spec.strength, spec.keep, spec.mask.as_ref())
     }
 
     /// A coat of a look that is known already.
     ///
     /// # Errors
-    /// [`CoatError::NoSurface`] where a region cannot grow.
-    pub fn coat_of(
+    /// [`LayerError::NoSurface`] where a region cannot grow.
+    pub fn layer_of(
         &self,
         look: Look,
         strength: f32,
-        keep: Keep,
+        keep: ColorPreservation,
         mask: Option<&super::MaskSpec>,
-    ) -> Result<Coat, CoatError> {
+    ) -> Result<StyleLayer, LayerError> {
         let look = match keep {
-            Keep::Palette => self.look_in(look, &self.photo_palette()),
-            Keep::None | Keep::Luminance => look,
+            ColorPreservation::Palette => self.look_in(look, &self.photo_palette()),
+            ColorPreservation::None | ColorPreservation::Luminance => look,
         };
         let mask = mask.map(|spec| {
             let region = match spec.shape {
                 Shape::Surface { point, tolerance } => {
                     let surroundings = self.surroundings.get_or_init(|| self.look_around());
                     let region = surroundings.region(point.into(), tolerance);
-                    Some(region.ok_or(CoatError::NoSurface(point))?)
+                    Some(region.ok_or(LayerError::NoSurface(point))?)
                 }
                 _ => None,
             };
@@ -98,7 +98,7 @@ impl Model {
                 inverted: spec.inverted,
             })
         });
-        Ok(Coat {
+        Ok(StyleLayer {
             look,
             strength,
             keep,
@@ -107,7 +107,7 @@ impl Model {
     }
 
     /// The scene's own colours over the training views.
-    fn photo_palette(&self) -> Palette {
+    fn photo_palette(&self) -> ColorStatistics {
         *self.photo_palette.get_or_init(|| {
             let photo = &self.file.photo_app;
             self.palette_of(photo, &self.sample(&photo.config))
@@ -123,7 +123,7 @@ impl Model {
             let (w, h) = (f64::from(k.width), f64::from(k.height));
             let scale = (VIEW_SIDE / w.max(h)).min(1.0);
             let side = |length: f64| (length * scale).round().max(1.0) as u32;
-            self.prepare_view(&camera.resized(side(w), side(h)))
+            self.gbuffer(&camera.resized(side(w), side(h)))
         });
         Surroundings::new(views.flat_map(|view| {
             let pixels = 0..view.width * view.height;
@@ -137,13 +137,13 @@ impl Model {
     }
 
     /// Finds the geometry of a view, which takes nearly all of a rendering's time.
-    pub fn prepare_view(&self, camera: &Camera) -> PreparedView {
+    pub fn gbuffer(&self, camera: &Camera) -> ViewGBuffer {
         let rays = CameraRays::new(camera, None);
         let (width, height) = rays.size();
         let rays = rays.all();
         let (photo, config) = (&self.file.photo_app, self.file.config.style_appearance());
         let seen = see_rays(self.parts(), photo, &config, &rays);
-        PreparedView {
+        ViewGBuffer {
             width,
             height,
             rays,
@@ -153,7 +153,7 @@ impl Model {
 
     /// Paints a prepared view: `height × width × 3` in `[0, 1]`. Without coats it is as
     /// photographed.
-    pub fn paint_view(&self, view: &PreparedView, coats: &[Coat]) -> Vec<f32> {
+    pub fn shade(&self, view: &ViewGBuffer, coats: &[StyleLayer]) -> Vec<f32> {
         let photo = view.photo();
         let coloured = Coated {
             rays: &view.rays,
@@ -170,7 +170,7 @@ impl Model {
 
     /// Renders a view with every list of coats, with `side × side` rays a pixel; see
     /// [`Self::render_smooth`]. Geometry is computed once.
-    pub fn render_coats(&self, camera: &Camera, lists: &[&[Coat]], side: u32) -> RenderedView {
+    pub fn render_layers(&self, camera: &Camera, lists: &[&[StyleLayer]], side: u32) -> RenderedView {
         let side = side.max(1);
         let k = &camera.intrinsics;
         let large = camera.resized(k.width * side, k.height * side);
@@ -179,8 +179,8 @@ impl Model {
         let rays = rays.all();
         let coats = || lists.iter().copied().flatten();
         let looks: Vec<&Appearance> = coats().map(|coat| &coat.look.appearance).collect();
-        let bare = |list: &&[Coat]| list.first().is_none_or(Coat::is_thin);
-        let photo = lists.iter().any(bare) || coats().any(Coat::is_thin);
+        let bare = |list: &&[StyleLayer]| list.first().is_none_or(StyleLayer::is_thin);
+        let photo = lists.iter().any(bare) || coats().any(StyleLayer::is_thin);
         let photo = photo.then_some(&self.file.photo_app);
         let all: Vec<&Appearance> = looks.into_iter().chain(photo).collect();
         let mut rendered = self.rendered(&all, &rays);

@@ -9,7 +9,7 @@ use std::time::Duration;
 pub enum Unfinished {
     /// Nothing: a new run in its place is an error.
     #[default]
-    Keep,
+    ColorPreservation,
     /// It goes on. Where there is none a run begins, and a finished one of the same kind is not
     /// repeated.
     Resume,

@@ -1,75 +1,66 @@
-//! How a scene is painted: coats of paint, one over the other, each with its paintings, its strength,
-//! whose colours it has and where it goes.
+//! One layer of paint, ready to be blended over what is below it.
 
-mod mask;
-mod region;
-mod spec;
-mod view;
+use crate::appearance::StyledAppearance;
+use crate::layers::mask::Mask;
+use crate::layers::spec::ColorPreservation;
+use impasto_field::RayBatch;
 
-pub use mask::{MaskSpec, Shape};
-pub use spec::{CoatError, CoatSpec, Coats, Keep, PaintingSpec};
-pub use view::PreparedView;
 
-pub(crate) use mask::Mask;
-pub(crate) use region::Surroundings;
-
-use crate::model::Look;
-
-/// One coat of paint, ready: a look, and how and where it goes.
+/// One layer of paint, ready: an appearance, and how and where it goes.
 #[derive(Debug, Clone)]
-pub struct Coat {
-    pub(crate) look: Look,
-    /// From what is below (0) to the look (1).
+pub struct StyleLayer {
+    pub(crate) appearance: StyledAppearance,
+    /// From what is below (0) to the paint (1).
     pub(crate) strength: f32,
-    pub(crate) keep: Keep,
+    pub(crate) keep: ColorPreservation,
     pub(crate) mask: Option<Mask>,
 }
 
-impl Coat {
-    /// A look all over the scene, nothing else.
-    pub fn plain(look: Look) -> Self {
+impl StyleLayer {
+    /// An appearance all over the scene, nothing else.
+    pub fn plain(appearance: StyledAppearance) -> Self {
         Self {
-            look,
+            appearance,
             strength: 1.0,
-            keep: Keep::None,
+            keep: ColorPreservation::None,
             mask: None,
         }
     }
 
     /// Whether something of what is below can be seen.
-    pub(crate) fn is_thin(&self) -> bool {
-        self.strength < 1.0 || self.mask.is_some() || self.keep == Keep::Luminance
+    pub(crate) fn is_translucent(&self) -> bool {
+        self.strength < 1.0 || self.mask.is_some() || self.keep == ColorPreservation::Luminance
     }
 }
 
-/// Rays that were coloured, and what a coat needs to know of them.
-pub(crate) struct Coated<'a> {
+/// Rays to be painted, and what a layer needs to know of them.
+pub(crate) struct BlendTarget<'a> {
     /// Camera centres and directions, of length 1 along the camera's axis.
-    pub(crate) rays: &'a impasto_field::RayBatch,
+    pub(crate) rays: &'a RayBatch,
     /// Along the camera's axis.
     pub(crate) depth: &'a [f32],
-    /// `rays × 3` in the photo's look; may be empty where the first coat hides it all.
+    /// `rays × 3` as photographed; may be empty where the first layer hides it all.
     pub(crate) photo: &'a [f32],
 }
 
-impl Coated<'_> {
-    /// Puts a coat on `below`, `rays × 3`; `painted` are the rays in its look.
-    pub(crate) fn put_on(&self, below: &mut [f32], coat: &Coat, painted: &[f32]) {
+impl BlendTarget<'_> {
+    /// Blends a layer over `below`, `rays × 3`; `painted` are the rays in its appearance.
+    pub(crate) fn blend(&self, below: &mut [f32], layer: &StyleLayer, painted: &[f32]) {
         for (ray, (below, painted)) in below
             .chunks_exact_mut(3)
             .zip(painted.chunks_exact(3))
             .enumerate()
         {
-            let share = match &coat.mask {
-                None => coat.strength,
+            let share = match &layer.mask {
+                None => layer.strength,
                 Some(mask) => {
                     let (origin, direction) = (self.rays.origins[ray], self.rays.directions[ray]);
-                    coat.strength * mask.share(origin, direction, self.depth[ray])
+                    layer.strength * mask.share(origin, direction, self.depth[ray])
                 }
             };
-            let moved = match coat.keep {
-                Keep::None | Keep::Palette => [painted[0], painted[1], painted[2]],
-                Keep::Luminance => relit(&self.photo[3 * ray..3 * ray + 3], painted),
+            let moved = match layer.keep {
+                ColorPreservation::None | ColorPreservation::Palette => [painted[0], painted[1], painted[2]],
+                ColorPreservation::Luminance => relit(&self.photo[3 * ray..3 * ray + 3], painted),
             };
             for (below, painted) in below.iter_mut().zip(moved) {
                 *below += share * (painted - *below);

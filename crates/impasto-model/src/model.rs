@@ -3,7 +3,7 @@
 use crate::TrainError;
 use crate::coats::Surroundings;
 use crate::model_file::ModelFile;
-use crate::palette::{Palette, Recolouring};
+use crate::palette::{ColorStatistics, ColorTransfer};
 use crate::rays::CameraRays;
 use crate::styles::whole;
 use burn::tensor::Device;
@@ -27,7 +27,7 @@ pub struct Model {
     encoder: std::sync::OnceLock<Encoder>,
     /// Rays through the training views, on which looks are measured.
     sample: std::sync::OnceLock<Vec<Paintable>>,
-    pub(crate) photo_palette: std::sync::OnceLock<Palette>,
+    pub(crate) photo_palette: std::sync::OnceLock<ColorStatistics>,
     pub(crate) surroundings: std::sync::OnceLock<Surroundings>,
 }
 
@@ -38,14 +38,14 @@ struct Encoder {
 
 /// What a look is made from.
 #[derive(Debug, Clone)]
-pub struct Inspiration {
+pub struct StyleEmbedding {
     /// The painting's style code.
     pub code: StyleCode,
     /// The painting's colours.
-    pub palette: Palette,
+    pub palette: ColorStatistics,
 }
 
-impl Inspiration {
+impl StyleEmbedding {
     /// Between several paintings: the weighted mean; weights need not sum to one. `None` if their
     /// sum is not positive.
     pub fn mix(all: &[(Self, f32)]) -> Option<Self> {
@@ -66,7 +66,7 @@ impl Inspiration {
 pub struct Look {
     pub(crate) appearance: Appearance,
     /// Applied to every rendered colour.
-    recolouring: Option<Recolouring>,
+    recolouring: Option<ColorTransfer>,
 }
 
 impl Look {
@@ -139,7 +139,7 @@ impl Model {
     ///
     /// # Errors
     /// If an asset is damaged.
-    pub fn inspiration(&self, painting: &RgbImage) -> Result<Inspiration, StyleError> {
+    pub fn inspiration(&self, painting: &RgbImage) -> Result<StyleEmbedding, StyleError> {
         let encoder = match self.encoder.get() {
             Some(encoder) => encoder,
             None => {
@@ -151,9 +151,9 @@ impl Model {
             }
         };
         let side = self.file.config.style.pictures.side;
-        Ok(Inspiration {
+        Ok(StyleEmbedding {
             code: encoder.vae.encode(&whole(&encoder.vgg, painting, side)?),
-            palette: Palette::of_picture(painting),
+            palette: ColorStatistics::of_picture(painting),
         })
     }
 
@@ -164,7 +164,7 @@ impl Model {
     pub fn inspirations<'a>(
         &self,
         paintings: impl IntoIterator<Item = (&'a RgbImage, f32)>,
-    ) -> Result<Vec<(Inspiration, f32)>, StyleError> {
+    ) -> Result<Vec<(StyleEmbedding, f32)>, StyleError> {
         let paintings = paintings.into_iter();
         let inspired =
             paintings.map(|(painting, weight)| Ok((self.inspiration(painting)?, weight)));
@@ -176,7 +176,7 @@ impl Model {
     /// mean and contrast over the training views is then made up for, to the share that the
     /// configuration trusts it, by one linear map of all colours, the same everywhere, so that
     /// views keep agreeing.
-    pub fn look(&self, inspiration: &Inspiration) -> Option<Look> {
+    pub fn look(&self, inspiration: &StyleEmbedding) -> Option<Look> {
         let appearance = self.predicted(&inspiration.code)?;
         Some(self.look_of(appearance, &inspiration.palette))
     }
@@ -191,7 +191,7 @@ impl Model {
     }
 
     /// The look of an appearance, moved towards a palette.
-    pub(crate) fn look_of(&self, appearance: Appearance, palette: &Palette) -> Look {
+    pub(crate) fn look_of(&self, appearance: Appearance, palette: &ColorStatistics) -> Look {
         let recolouring = match self.file.config.style.palette_trust {
             0.0 => None,
             trust => self.recolouring(&appearance, palette, trust),
@@ -203,7 +203,7 @@ impl Model {
     }
 
     /// A look with the mean and covariance of a palette over the training views.
-    pub(crate) fn look_in(&self, look: Look, palette: &Palette) -> Look {
+    pub(crate) fn look_in(&self, look: Look, palette: &ColorStatistics) -> Look {
         let recolouring = self.recolouring(&look.appearance, palette, 1.0);
         Look {
             recolouring,
@@ -215,9 +215,9 @@ impl Model {
     fn recolouring(
         &self,
         appearance: &Appearance,
-        palette: &Palette,
+        palette: &ColorStatistics,
         trust: f32,
-    ) -> Option<Recolouring> {
+    ) -> Option<ColorTransfer> {
         let sample = self.sample.get_or_init(|| self.sample(&appearance.config));
         if sample.is_empty() {
             return None;
@@ -227,11 +227,11 @@ impl Model {
     }
 
     /// Colours that an appearance has over rays that were prepared for it.
-    pub(crate) fn palette_of(&self, appearance: &Appearance, rays: &[Paintable]) -> Palette {
+    pub(crate) fn palette_of(&self, appearance: &Appearance, rays: &[Paintable]) -> ColorStatistics {
         let colours = rays.iter().map(|part| host(part.composite(appearance)));
         let colours = colours.collect::<Vec<_>>().concat();
         let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
-        Palette::of(pixels.iter().map(|pixel| &pixel[..3]))
+        ColorStatistics::of(pixels.iter().map(|pixel| &pixel[..3]))
     }
 
     /// What rays are rendered with.
@@ -264,7 +264,7 @@ impl Model {
     }
 
     /// The photo's own look.
-    pub fn photo_look(&self) -> Look {
+    pub fn photo_appearance(&self) -> Look {
         Look {
             appearance: self.file.photo_app.clone(),
             recolouring: None,
@@ -355,18 +355,18 @@ mod tests {
 
     #[test]
     fn mixed_inspirations_lie_between_by_weight() {
-        let one = |number: f32| Inspiration {
+        let one = |number: f32| StyleEmbedding {
             code: StyleCode(vec![number; StyleCode::LEN]),
-            palette: Palette::of([number; 6].chunks_exact(3)),
+            palette: ColorStatistics::of([number; 6].chunks_exact(3)),
         };
         let weighed = [(one(0.0), 1.0), (one(0.4), 2.0), (one(0.8), 1.0)];
-        let mix = Inspiration::mix(&weighed).map(|mix| (mix.code.0[3], mix.palette));
-        let wanted = Palette::of([0.4f32; 6].chunks_exact(3));
+        let mix = StyleEmbedding::mix(&weighed).map(|mix| (mix.code.0[3], mix.palette));
+        let wanted = ColorStatistics::of([0.4f32; 6].chunks_exact(3));
         assert!(mix.is_some_and(|(code, palette)| {
             let pixels = palette.recolouring(&wanted).apply(&[0.4, 0.4, 0.4]);
             (code - 0.4).abs() < 1e-6 && pixels.iter().all(|p| (p - 0.4).abs() < 1e-5)
         }));
-        assert!(Inspiration::mix(&[(one(0.1), 0.0)]).is_none());
-        assert!(Inspiration::mix(&[]).is_none());
+        assert!(StyleEmbedding::mix(&[(one(0.1), 0.0)]).is_none());
+        assert!(StyleEmbedding::mix(&[]).is_none());
     }
 }

@@ -1,6 +1,6 @@
 //! Held-out views, rendered and compared with their photos.
 
-use crate::model::{Inspiration, Model, RenderedView};
+use crate::model::{StyleEmbedding, Model, RenderedView};
 use crate::model_file::Quality;
 use image::{RgbImage, imageops};
 use impasto_scene::{Scene, Split, metrics};
@@ -14,7 +14,7 @@ const PREVIEW_SIDE: u32 = 320;
 /// that fit, at least one); also returns photo and render of the first, side by side.
 pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Option<RgbImage>) {
     let start = Instant::now();
-    let look = model.photo_look();
+    let look = model.photo_appearance();
     let mut quality = Quality::default();
     let mut preview = None;
     for (_, photo) in scene.test() {
@@ -66,7 +66,7 @@ fn storable(measure: f64) -> f64 {
 }
 
 /// The first held-out view in its own look and in some styles, side by side and small.
-pub fn style_preview(model: &Model, inspirations: &[Inspiration]) -> Option<RgbImage> {
+pub fn style_preview(model: &Model, inspirations: &[StyleEmbedding]) -> Option<RgbImage> {
     let photos = &model.file.scene.photos;
     let camera = photos
         .iter()
@@ -77,7 +77,7 @@ pub fn style_preview(model: &Model, inspirations: &[Inspiration]) -> Option<RgbI
     let scale = f64::from(PREVIEW_SIDE) / f64::from(k.width.max(k.height)).max(1.0);
     let shrink = |side: u32| ((f64::from(side) * scale.min(1.0)) as u32).max(1);
     let camera = camera.resized(shrink(k.width), shrink(k.height));
-    let mut looks = vec![model.photo_look()];
+    let mut looks = vec![model.photo_appearance()];
     looks.extend(inspirations.iter().filter_map(|i| model.look(i)));
     let view = model.render(&camera, &looks.iter().collect::<Vec<_>>());
     Some(beside(

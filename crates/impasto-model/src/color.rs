@@ -8,14 +8,14 @@ use impasto_style::{picture, square_crop};
 
 /// Mean and covariance of RGB colours in `[0, 1]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Palette {
+pub struct ColorStatistics {
     mean: DVec3,
     covariance: DMat3,
 }
 
 /// An affine map of colours.
 #[derive(Debug, Clone, Copy)]
-pub struct Recolouring {
+pub struct ColorTransfer {
     matrix: DMat3,
     from: DVec3,
     to: DVec3,
@@ -28,7 +28,7 @@ const ROUNDS: usize = 30;
 /// Contrast is multiplied by no more than this: noise would be, too.
 const MOST_GAIN: f64 = 3.0;
 
-impl Palette {
+impl ColorStatistics {
     /// The palette of pixels, three numbers each.
     pub fn of<'a>(pixels: impl Iterator<Item = &'a [f32]> + Clone) -> Self {
         let colours = pixels.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
@@ -84,7 +84,7 @@ impl Palette {
 
     /// The linear map that gives colours of this palette the mean and covariance of `other` and
     /// moves them least: Monge–Kantorovich (Pitié & Kokaram 2007).
-    pub fn recolouring(&self, other: &Self) -> Recolouring {
+    pub fn recolouring(&self, other: &Self) -> ColorTransfer {
         let root = square_root(self.covariance);
         let inverse = root.inverse();
         let between = square_root(root * other.covariance * root);
@@ -93,7 +93,7 @@ impl Palette {
             .to_cols_array()
             .iter()
             .fold(0.0f64, |most, x| most.max(x.abs()));
-        Recolouring {
+        ColorTransfer {
             matrix: matrix * (MOST_GAIN / gain.max(MOST_GAIN)),
             from: self.mean,
             to: other.mean,
@@ -101,7 +101,7 @@ impl Palette {
     }
 }
 
-impl Recolouring {
+impl ColorTransfer {
     /// Moves colours only `share` of the way.
     pub fn softened(&self, share: f32) -> Self {
         let share = f64::from(share);
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn pixels_are_recoloured_alike_wherever_they_are() {
         let (one, other) = (colours(1, [0.3, 0.1, 0.2]), colours(2, [0.1, 0.4, 0.3]));
-        let palette = |colours: &[f32]| Palette::of(colours.chunks_exact(3));
+        let palette = |colours: &[f32]| ColorStatistics::of(colours.chunks_exact(3));
         let recolouring = palette(&one).recolouring(&palette(&other));
         let pixels = Tensor::<1>::from_data(&one[..], &impasto_kernels::device::tested());
         let found = impasto_field::render::host(recolouring.applied(pixels.reshape([30, 100, 3])));
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn recoloured_pixels_have_the_other_palette() {
         let (photo, painting) = (colours(1, [0.1, 0.2, 0.3]), colours(2, [0.3, 0.1, 0.2]));
-        let palette = |pixels: &[f32]| Palette::of(pixels.chunks_exact(3));
+        let palette = |pixels: &[f32]| ColorStatistics::of(pixels.chunks_exact(3));
         let wanted = palette(&painting);
         let found = palette(&palette(&photo).recolouring(&wanted).apply(&photo));
         assert!((found.mean - wanted.mean).length() < 1e-3);
@@ -185,8 +185,8 @@ mod tests {
 
     #[test]
     fn a_softened_map_goes_part_of_the_way() {
-        let palette = |seed| Palette::of(colours(seed, [0.2; 3]).chunks_exact(3));
-        let map = palette(1).recolouring(&Palette {
+        let palette = |seed| ColorStatistics::of(colours(seed, [0.2; 3]).chunks_exact(3));
+        let map = palette(1).recolouring(&ColorStatistics {
             mean: DVec3::splat(0.6),
             ..palette(2)
         });
@@ -204,8 +204,8 @@ mod tests {
 
     #[test]
     fn one_colour_and_no_pixel_give_finite_maps() {
-        let grey = Palette::of([0.5f32; 30].chunks_exact(3));
-        let none = Palette::of(std::iter::empty());
+        let grey = ColorStatistics::of([0.5f32; 30].chunks_exact(3));
+        let none = ColorStatistics::of(std::iter::empty());
         for (a, b) in [(grey, none), (none, grey), (grey, grey)] {
             let mapped = a.recolouring(&b).apply(&[0.2, 0.5, 0.9]);
             assert!(mapped.iter().all(|c| (0.0..=1.0).contains(c)));

@@ -1,7 +1,7 @@
 //! Patches of photos with their frozen geometry, drawn again and again.
 
 use crate::config::{ContentTarget, StyleConfig};
-use crate::palette::Palette;
+use crate::palette::ColorStatistics;
 use crate::rays::{CameraRays, PhotoRays};
 use burn::tensor::Tensor;
 use impasto_field::encoding::matrix;
@@ -74,7 +74,7 @@ pub struct PatchPool {
     least_weight: f32,
     capacity: usize,
     uses: u64,
-    palette: Palette,
+    palette: ColorStatistics,
     kept: Vec<Kept>,
     drawn: u64,
     made: u64,
@@ -106,7 +106,7 @@ impl PatchPool {
     ) -> Self {
         let all = photos.iter().flat_map(PhotoRays::used_colours);
         Self {
-            palette: Palette::of(all.step_by(PALETTE_STEP)),
+            palette: ColorStatistics::of(all.step_by(PALETTE_STEP)),
             neighbours: neighbours(&photos),
             novel_views: settings.novel_views.into(),
             target: settings.content_target,
@@ -131,7 +131,7 @@ impl PatchPool {
     }
 
     /// The colours of all photos together.
-    pub fn palette(&self) -> &Palette {
+    pub fn palette(&self) -> &ColorStatistics {
         &self.palette
     }
 

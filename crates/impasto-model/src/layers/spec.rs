@@ -1,15 +1,15 @@
-//! What coats are made from, as JSON.
+//! What layers of paint are made from, as JSON.
 
-use super::mask::MaskSpec;
+use crate::layers::mask::MaskSpec;
 use serde::{Deserialize, Serialize};
 
-/// Most coats of a scene, and most paintings of a coat: each is rendered.
+/// Most layers of a scene, and most paintings of a layer: each is rendered.
 const MOST: usize = 16;
 
-/// Whose colours a coat has.
+/// Whose colours a layer has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Keep {
+pub enum ColorPreservation {
     /// The painting's.
     #[default]
     None,
@@ -20,7 +20,7 @@ pub enum Keep {
     Palette,
 }
 
-/// A painting that a coat is made from.
+/// A painting that a layer is made from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PaintingSpec {
@@ -31,10 +31,10 @@ pub struct PaintingSpec {
     pub weight: f32,
 }
 
-/// One coat.
+/// One layer of paint; files and messages call it a coat.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CoatSpec {
+pub struct StyleLayerSpec {
     /// Mixed by weight in the space of style codes; at least one.
     pub paintings: Vec<PaintingSpec>,
     /// From what is below (0) to the paint (1).
@@ -42,27 +42,27 @@ pub struct CoatSpec {
     pub strength: f32,
     /// Whose colours it has.
     #[serde(default)]
-    pub keep: Keep,
+    pub keep: ColorPreservation,
     /// Where it goes; everywhere without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<MaskSpec>,
 }
 
-/// A whole painted scene: the first coat is undermost.
+/// A whole painted scene: the first layer is undermost.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Coats {
+pub struct StyleLayers {
     /// None: the scene as photographed.
-    pub coats: Vec<CoatSpec>,
+    pub coats: Vec<StyleLayerSpec>,
 }
 
 fn one() -> f32 {
     1.0
 }
 
-/// Why coats cannot be put on.
+/// Why layers cannot be painted.
 #[derive(Debug, thiserror::Error)]
-pub enum CoatError {
+pub enum LayerError {
     /// A value that makes no sense.
     #[error("coat {number}: {problem}")]
     Value {
@@ -84,17 +84,17 @@ pub enum CoatError {
     NoSurface([f32; 3]),
 }
 
-impl Coats {
+impl StyleLayers {
     /// Whether all values make sense.
     ///
     /// # Errors
-    /// [`CoatError::Value`] of the first one that does not.
-    pub fn check(&self) -> Result<(), CoatError> {
+    /// [`LayerError::Value`] of the first one that does not.
+    pub fn check(&self) -> Result<(), LayerError> {
         if self.coats.len() > MOST {
-            return Err(CoatError::TooMany(self.coats.len()));
+            return Err(LayerError::TooMany(self.coats.len()));
         }
         self.coats.iter().enumerate().try_for_each(|(i, coat)| {
-            coat.check().map_err(|problem| CoatError::Value {
+            coat.check().map_err(|problem| LayerError::Value {
                 number: i + 1,
                 problem,
             })
@@ -102,7 +102,7 @@ impl Coats {
     }
 }
 
-impl CoatSpec {
+impl StyleLayerSpec {
     fn check(&self) -> Result<(), String> {
         let count = self.paintings.len();
         if count == 0 || count > MOST {
@@ -129,11 +129,11 @@ impl CoatSpec {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Shape;
+    use crate::layers::mask::MaskShape;
     use super::*;
 
-    fn read(json: &str) -> Result<Coats, String> {
-        let coats: Coats = serde_json::from_str(json).map_err(|error| error.to_string())?;
+    fn read(json: &str) -> Result<StyleLayers, String> {
+        let coats: StyleLayers = serde_json::from_str(json).map_err(|error| error.to_string())?;
         coats.check().map_err(|error| error.to_string())?;
         Ok(coats)
     }
@@ -150,13 +150,13 @@ mod tests {
         assert_eq!(coats.coats[0].paintings[1].weight, 1.0);
         assert_eq!(
             (coats.coats[0].keep, coats.coats[1].keep),
-            (Keep::Luminance, Keep::None)
+            (ColorPreservation::Luminance, ColorPreservation::None)
         );
         let shape = |i: usize| coats.coats[i].mask.as_ref().map(|mask| mask.shape.clone());
-        assert_eq!(shape(1), Some(Shape::Near));
+        assert_eq!(shape(1), Some(MaskShape::Near));
         assert_eq!(
             shape(2),
-            Some(Shape::Depth {
+            Some(MaskShape::Depth {
                 from: 0.2,
                 to: None
             })

@@ -1,0 +1,13 @@
+//! How a scene is painted: layers of paint, one over the other, each with its paintings, its strength,
+//! whose colours it has and where it goes.
+
+mod layer;
+mod mask;
+mod region;
+mod spec;
+
+pub use layer::StyleLayer;
+pub use mask::{MaskShape, MaskSpec};
+pub use spec::{ColorPreservation, LayerError, PaintingSpec, StyleLayerSpec, StyleLayers};
+
+pub(crate) use region::SurfaceCells;
