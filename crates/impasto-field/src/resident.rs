@@ -11,9 +11,9 @@ use crate::paintable::{CanvasPlaces, Paintable, PaintableVolume};
 use crate::render::{Prepared, RenderedRays, host};
 use crate::sampling::{ANY, LEAST_LIGHT, RayBatch, contracted_distance, jitter};
 use burn::tensor::{Device, Tensor};
-use impasto_kernels::resident::{
-    self, Descent, MarchSpec, ResidentGeometry, ResidentGrids, ResidentRays, ResidentSamples,
-    ResidentSpec, ResidentSurface, ResidentTargets, surface_layout,
+use impasto_kernels::gpu::{
+    self, DensityGrids, Descent, FieldSamples, FieldSpec, MarchSpec, MergedSamples, RaySamples,
+    Rays, Targets, surface_layout,
 };
 use impasto_kernels::{Volume, device::is_cpu};
 use std::sync::Arc;
@@ -25,12 +25,12 @@ const MOST_NUMBERS: usize = 1 << 25;
 #[derive(Debug, Clone)]
 pub(crate) struct Copied {
     device: Device,
-    grids: ResidentGrids,
+    grids: DensityGrids,
 }
 
 impl Grids {
-    fn on(&self, device: &Device) -> ResidentGrids {
-        let copy = || ResidentGrids::new([&self.inner, &self.outer], None, device);
+    fn on(&self, device: &Device) -> DensityGrids {
+        let copy = || DensityGrids::new([&self.inner, &self.outer], None, device);
         let copied = self.resident.get_or_init(|| Copied {
             device: device.clone(),
             grids: copy(),
@@ -46,11 +46,11 @@ impl SamplingConfig {
     fn march(&self, least: f32) -> MarchSpec {
         MarchSpec {
             samples: self.samples,
-            explore: self.explore,
+            uniform_fraction: self.explore,
             inner_step: self.inner_step,
             outer_steps: self.outer_steps,
             near: self.near,
-            least,
+            least_weight: least,
         }
     }
 }
@@ -82,14 +82,14 @@ fn views(directions: &Tensor<2>, app: &AppearanceConfig) -> Option<Tensor<2>> {
 
 impl Field {
     /// Networks of the field with an `app`, if all can stay on the device.
-    fn resident(&self, app: &AppearanceConfig, device: &Device) -> Option<ResidentSpec> {
+    fn resident(&self, app: &AppearanceConfig, device: &Device) -> Option<FieldSpec> {
         let config = &self.config;
         let latent = config.inner.latent.or(config.outer.latent);
         let is_hosts = is_cpu(device) || app.paints_by_position();
         if is_hosts || config.cascade.is_some() || latent.is_some() {
             return None;
         }
-        let spec = ResidentSpec {
+        let spec = FieldSpec {
             grids: [
                 config.inner.encoding.hash_grid()?,
                 config.outer.encoding.hash_grid()?,
@@ -102,17 +102,12 @@ impl Field {
     }
 
     /// Rays handled together: as many as every device has room for, which keeps a large one busy.
-    fn rays_together(&self, spec: &ResidentSpec) -> usize {
+    fn rays_together(&self, spec: &FieldSpec) -> usize {
         (MOST_NUMBERS / spec.widest() / self.config.sampling.samples.max(1)).max(1)
     }
 
-    fn marched(
-        &self,
-        rays: &RayBatch,
-        grids: &ResidentGrids,
-        seed: Option<u64>,
-    ) -> ResidentSamples {
-        let mut resident = ResidentRays::default();
+    fn marched(&self, rays: &RayBatch, grids: &DensityGrids, seed: Option<u64>) -> RaySamples {
+        let mut resident = Rays::default();
         for (ray, (origin, direction)) in rays.origins.iter().zip(&rays.directions).enumerate() {
             let shift = seed.map_or(0.5, |seed| jitter(seed, ray));
             resident.push(*origin, *direction, shift, None);
@@ -150,8 +145,8 @@ impl Field {
             let part = rays.part(start..(start + size).min(rays.len()));
             let samples = self.marched(&part, &grids, None);
             let directions = samples.directions();
-            let geometry = resident::look(&specs[0], samples, &own);
-            let surface = geometry.merged();
+            let geometry = gpu::evaluate(&specs[0], samples, &own);
+            let surface = geometry.accumulate();
             depth.push(surface.depth.clone());
             let mut paintables: Vec<(&AppearanceConfig, Paintable)> = Vec::new();
             for ((appearance, spec), colours) in appearances.iter().zip(&specs).zip(&mut colours) {
@@ -205,8 +200,8 @@ impl Field {
             let part = rays.part(start..(start + size).min(rays.len()));
             let samples = self.marched(&part, &grids, Some(seed.wrapping_add(chunk as u64)));
             let directions = samples.directions();
-            let geometry = resident::look(&spec, samples, &own);
-            level.push(painted(&geometry.merged(), app, &directions));
+            let geometry = gpu::evaluate(&spec, samples, &own);
+            level.push(painted(&geometry.accumulate(), app, &directions));
             colours.extend(photo.map(|photo| sample_colours(&geometry, &spec, photo, &directions)));
         }
         Some(Prepared {
@@ -218,8 +213,8 @@ impl Field {
 
 /// Pixels of samples that are all shaded.
 fn sample_colours(
-    geometry: &ResidentGeometry,
-    spec: &ResidentSpec,
+    geometry: &FieldSamples,
+    spec: &FieldSpec,
     appearance: &Appearance,
     directions: &Tensor<2>,
 ) -> Tensor<2> {
@@ -230,7 +225,7 @@ fn sample_colours(
 
 /// Merged samples as paints want them.
 fn painted(
-    surface: &ResidentSurface,
+    surface: &MergedSamples,
     config: &AppearanceConfig,
     directions: &Tensor<2>,
 ) -> Paintable {
@@ -241,7 +236,7 @@ fn painted(
         features: surface.features[v].clone(),
         views: views.clone(),
         canvas: grid.map(|grid| {
-            let spreads = Some(surface.spreads[v].clone());
+            let spreads = Some(surface.footprint[v].clone());
             CanvasPlaces::on_grid(grid, surface.points[v].clone(), spreads)
         }),
     };
@@ -255,8 +250,8 @@ fn painted(
 /// A field in training on a GPU.
 #[derive(Debug)]
 pub struct ResidentTraining {
-    spec: ResidentSpec,
-    grids: ResidentGrids,
+    spec: FieldSpec,
+    grids: DensityGrids,
     march: MarchSpec,
     app: AppearanceConfig,
     sides: [usize; 2],
@@ -274,7 +269,7 @@ impl ResidentTraining {
         let flags = [&visible.inner[..], &visible.outer];
         Some(Self {
             spec,
-            grids: ResidentGrids::new([&grids.inner, &grids.outer], Some(flags), device),
+            grids: DensityGrids::new([&grids.inner, &grids.outer], Some(flags), device),
             march: field.config.sampling.march(ANY),
             app: app.clone(),
             sides: [grids.inner.resolution(), grids.outer.resolution()],
@@ -301,21 +296,21 @@ impl ResidentTraining {
         wanted: Wanted,
         seed: u64,
     ) -> Descent {
-        let mut resident = ResidentRays::default();
+        let mut resident = Rays::default();
         let pairs = rays.origins.iter().zip(&rays.directions).zip(surfaces);
         for (ray, ((origin, direction), surface)) in pairs.enumerate() {
             let surface = surface.map(contracted_distance);
             resident.push(*origin, *direction, jitter(seed, ray), surface);
         }
         let samples = self.grids.march(&resident, &self.march);
-        let targets = ResidentTargets {
+        let targets = Targets {
             views: views(&samples.directions(), &self.app),
             colours: wanted.colours,
             depth: wanted.depth,
             distortion: wanted.distortion,
         };
         let weights = volumes(weights, [&app.inner, &app.outer]);
-        let descent = resident::descend(&self.spec, &samples, &weights, &targets);
+        let descent = gpu::descend(&self.spec, &samples, &weights, &targets);
         self.grids.observe(&samples, &descent.densities);
         descent
     }

@@ -13,8 +13,8 @@ use impasto_field::{
     render_rays,
 };
 use impasto_kernels::device::{is_cpu, tested};
-use impasto_kernels::resident::{
-    MarchSpec, ResidentGrids, ResidentRays, ResidentSpec, ResidentTargets, SamplesRead, descend,
+use impasto_kernels::gpu::{
+    DensityGrids, FieldSpec, MarchSpec, Rays, SamplesRead, Targets, descend,
 };
 use impasto_kernels::{
     CompositeLayout, Density, DensityGrid, MlpSpec, RaySpan, Volume, VolumeSpec,
@@ -74,11 +74,11 @@ fn march_spec() -> MarchSpec {
     let sampling = config().sampling;
     MarchSpec {
         samples: sampling.samples,
-        explore: sampling.explore,
+        uniform_fraction: sampling.explore,
         inner_step: sampling.inner_step,
         outer_steps: sampling.outer_steps,
         near: sampling.near,
-        least: -1.0,
+        least_weight: -1.0,
     }
 }
 
@@ -116,8 +116,8 @@ fn many_rays(count: usize) -> RayBatch {
     rays
 }
 
-fn resident_rays(rays: &RayBatch, surface: impl Fn(usize) -> Option<f32>) -> ResidentRays {
-    let mut resident = ResidentRays::default();
+fn resident_rays(rays: &RayBatch, surface: impl Fn(usize) -> Option<f32>) -> Rays {
+    let mut resident = Rays::default();
     for i in 0..rays.len() {
         resident.push(rays.origins[i], rays.directions[i], 0.5, surface(i));
     }
@@ -128,7 +128,7 @@ fn resident_rays(rays: &RayBatch, surface: impl Fn(usize) -> Option<f32>) -> Res
 fn marching_is_the_hosts() {
     let Some(device) = gpu() else { return };
     let (grids, rays) = (grids(), many_rays(300));
-    let resident = ResidentGrids::new([grids.inner(), grids.outer()], None, &device);
+    let resident = DensityGrids::new([grids.inner(), grids.outer()], None, &device);
     let surface = |ray: usize| ray.is_multiple_of(3).then_some(0.25);
     let found = resident
         .march(&resident_rays(&rays, surface), &march_spec())
@@ -204,7 +204,7 @@ fn marching_is_the_hosts() {
 fn poisoned_rays_take_no_inner_samples_there_either() {
     let Some(device) = gpu() else { return };
     let grids = grids();
-    let resident = ResidentGrids::new([grids.inner(), grids.outer()], None, &device);
+    let resident = DensityGrids::new([grids.inner(), grids.outer()], None, &device);
     let mut rays = RayBatch::default();
     rays.push([f32::NAN, 0.0, 0.0], [0.0, 0.0, 1.0]);
     rays.push([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]);
@@ -221,7 +221,7 @@ fn poisoned_rays_take_no_inner_samples_there_either() {
 }
 
 /// Networks of the field of [`config`] with [`photo_app`].
-fn spec() -> ResidentSpec {
+fn spec() -> FieldSpec {
     let field = config();
     let grid = field.inner.encoding.hash_grid().unwrap();
     let volume = |dimensions: usize| VolumeSpec {
@@ -230,7 +230,7 @@ fn spec() -> ResidentSpec {
         density: Density::Exp,
         app: photo_app().network(8, dimensions).chain().clone(),
     };
-    ResidentSpec {
+    FieldSpec {
         grids: [grid, grid],
         volumes: [volume(3), volume(4)],
     }
@@ -313,7 +313,7 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
 fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
     let Some(device) = gpu() else { return };
     let (grids, rays) = (grids(), many_rays(200));
-    let resident = ResidentGrids::new([grids.inner(), grids.outer()], None, &device);
+    let resident = DensityGrids::new([grids.inner(), grids.outer()], None, &device);
     let surface = |ray: usize| ray.is_multiple_of(4).then_some(0.3);
     let samples = resident.march(&resident_rays(&rays, surface), &march_spec());
     let colours: Vec<f32> = (0..600).map(|i| (i as f32 * 0.7).sin().abs()).collect();
@@ -321,7 +321,7 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
 
     let (own, app) = weights(3, &device);
     let views = impasto_field::encoding::frequencies_of(&samples.directions(), 2);
-    let targets = ResidentTargets {
+    let targets = Targets {
         views: Some(views),
         colours: colours.clone(),
         depth,
@@ -402,7 +402,7 @@ fn grids_remember_what_samples_and_random_places_saw() {
             .collect::<Vec<bool>>(),
         vec![true; cells],
     ];
-    let resident = ResidentGrids::new(
+    let resident = DensityGrids::new(
         [grids.inner(), grids.outer()],
         Some(flags.each_ref().map(Vec::as_slice)),
         &device,
@@ -471,7 +471,7 @@ fn grids_remember_what_samples_and_random_places_saw() {
 fn densities_that_cannot_be_measured_are_not_skipped() {
     let Some(device) = gpu() else { return };
     let grids = grids();
-    let resident = ResidentGrids::new([grids.inner(), grids.outer()], None, &device);
+    let resident = DensityGrids::new([grids.inner(), grids.outer()], None, &device);
     let samples = resident.march(&resident_rays(&many_rays(4), |_| None), &march_spec());
     let read = samples.read();
     let poison = vec![f32::NAN; read.points.len() / 3];

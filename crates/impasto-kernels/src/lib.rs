@@ -11,10 +11,8 @@
 pub mod cpu;
 pub mod device;
 #[cfg(feature = "gpu")]
-mod gpu;
+pub mod gpu;
 pub mod ops;
-#[cfg(feature = "gpu")]
-pub mod resident;
 
 pub use cpu::adam::AdamStep;
 pub use cpu::composite::{CompositeLayout, RaySpan};

@@ -88,9 +88,9 @@ impl CompositeLayout {
 
 /// Share of light that each sample lets through, `e^(−σδ)`. What nearly nothing passes would lose
 /// most of its digits as `1 − opacity`, and gradients with it.
-pub(crate) fn transparencies(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
-    struct Transparencies<'a>(&'a [f32], &'a [f32]);
-    impl WithSimd for Transparencies<'_> {
+pub(crate) fn transmittances(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
+    struct Transmittances<'a>(&'a [f32], &'a [f32]);
+    impl WithSimd for Transmittances<'_> {
         type Output = Vec<f32>;
         #[inline(always)]
         fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
@@ -98,16 +98,16 @@ pub(crate) fn transparencies(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
             pairs.map(|(delta, sigma)| exp(-sigma * delta)).collect()
         }
     }
-    Arch::new().dispatch(Transparencies(deltas, sigma))
+    Arch::new().dispatch(Transmittances(deltas, sigma))
 }
 
-/// Contribution of each sample, `(1 − e^(−σδ)) · T`.
+/// Weight of each sample, `(1 − e^(−σδ)) · T`.
 ///
 /// # Shapes
 /// `sigma`: one non-negative density per sample; result: one weight per sample.
 pub fn weights(layout: &CompositeLayout, sigma: &[f32]) -> Vec<f32> {
     let mut weights = vec![0.0; sigma.len()];
-    let passed = transparencies(&layout.deltas, sigma);
+    let passed = transmittances(&layout.deltas, sigma);
     for span in &layout.rays {
         let mut transmittance = 1.0;
         for i in CompositeLayout::samples(span) {
@@ -135,7 +135,7 @@ pub fn forward(
     layout.check(sigma.len(), colours.len(), channels);
     let width = CompositeLayout::outputs(channels);
     let mut out = vec![0.0; layout.rays.len() * width];
-    let passed = transparencies(&layout.deltas, sigma);
+    let passed = transmittances(&layout.deltas, sigma);
     out.par_chunks_mut(width)
         .with_min_len(64)
         .zip(&layout.rays)
@@ -192,7 +192,7 @@ pub fn backward(
     );
     let mut sigma_grad = vec![0.0; sigma.len()];
     let mut colour_grad = vec![0.0; colours.len()];
-    let passed = &transparencies(&layout.deltas, sigma);
+    let passed = &transmittances(&layout.deltas, sigma);
     split_by_ray(layout, &mut sigma_grad, &mut colour_grad, channels)
         .par_iter_mut()
         .zip(&layout.rays)

@@ -2,7 +2,7 @@
 //! those that matter. A tile of samples goes through all layers of a pass while it is in cache.
 //! Runs on the calling thread: who renders has rays for all threads.
 
-use super::composite::{CompositeLayout, TRANSMITTANCE_EPS, transparencies};
+use super::composite::{CompositeLayout, TRANSMITTANCE_EPS, transmittances};
 use super::hash_grid::{self, HashGridSpec};
 use super::mlp::{MlpSpec, Packed, Tape};
 use super::radiance::Density;
@@ -183,7 +183,7 @@ impl WithSimd for Shading<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> Vec<f32> {
         let (pass, samples) = (self.pass, self.samples);
         let rays = &samples.layout.rays;
-        let passed = transparencies(&samples.layout.deltas, samples.densities);
+        let passed = transmittances(&samples.layout.deltas, samples.densities);
         let mut colours = vec![0.0; CHANNELS * samples.keep.len()];
         let mut first = 0;
         for (v, packed) in pass.app.iter().enumerate() {

@@ -281,11 +281,11 @@ fn spread_kernel<A: Adds>(
 /// See [`crate::cpu::hash_grid::backward`]; the order of sums, and so their last bits, may differ
 /// from run to run.
 pub(crate) fn spread(points: &CubeTensor, grad: &CubeTensor, spec: &HashGridSpec) -> CubeTensor {
-    spread_rows(points, grad, spec, Rows::all(points.meta.shape()[0]))
+    encode_backward(points, grad, spec, Rows::all(points.meta.shape()[0]))
 }
 
 /// The same for some rows.
-pub(crate) fn spread_rows(
+pub(crate) fn encode_backward(
     points: &CubeTensor,
     grad: &CubeTensor,
     spec: &HashGridSpec,

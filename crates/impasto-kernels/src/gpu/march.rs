@@ -4,7 +4,6 @@
 
 use super::launch::{UNITS, argument, cube, cubes_for, empty, empty_u32, is_finite};
 use crate::cpu::density_grid::DensityGrid;
-use crate::resident::MarchSpec;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
 
@@ -18,13 +17,30 @@ const DARK: f32 = 1e-4;
 /// The step of the last outer sample, which everything infinitely far belongs to.
 const LAST_STEP: f32 = 1e10;
 
+/// Where samples are taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MarchSpec {
+    /// Samples a ray, in both volumes together.
+    pub samples: usize,
+    /// Weight of spreading them evenly, where sending them to expected light has weight 1.
+    pub uniform_fraction: f32,
+    /// Distance between two looks at the inner grid.
+    pub inner_step: f32,
+    /// Looks at the outer grid, equal steps of inverse radius.
+    pub outer_steps: usize,
+    /// Depth before which nothing is sampled.
+    pub near: f32,
+    /// Weight that a sample must be expected to have, or else it counts for nothing; −1 to count all.
+    pub least_weight: f32,
+}
+
 /// A specification that kernels can be compiled for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Shape {
     near: u32,
     inner_step: u32,
-    explore: u32,
-    least: u32,
+    uniform_fraction: u32,
+    least_weight: u32,
     outer_steps: usize,
     samples: usize,
     sides: [usize; 2],
@@ -35,8 +51,8 @@ impl Shape {
         Self {
             near: spec.near.to_bits(),
             inner_step: spec.inner_step.to_bits(),
-            explore: spec.explore.to_bits(),
-            least: spec.least.to_bits(),
+            uniform_fraction: spec.uniform_fraction.to_bits(),
+            least_weight: spec.least_weight.to_bits(),
             outer_steps: spec.outer_steps,
             samples: spec.samples.max(1),
             sides,
@@ -51,13 +67,13 @@ impl Shape {
         f32::from_bits(self.inner_step)
     }
 
-    fn least(&self) -> f32 {
-        f32::from_bits(self.least)
+    fn least_weight(&self) -> f32 {
+        f32::from_bits(self.least_weight)
     }
 
     /// What is spread evenly over a volume.
     fn even(&self) -> f32 {
-        0.5 * f32::from_bits(self.explore)
+        0.5 * f32::from_bits(self.uniform_fraction)
     }
 }
 
@@ -197,9 +213,9 @@ fn steps_of(ray: &Ray, #[comptime] outer: bool, #[comptime] shape: Shape) -> usi
     count
 }
 
-/// Light that step `i` takes of `reaching`, by the grid. The last outer step takes all.
+/// Weight of step `i`: what it takes of the transmittance `reaching` it, by the grid. The last outer step takes all.
 #[cube]
-fn light(
+fn weight(
     ray: &Ray,
     levels: &[u32],
     table: &[f32],
@@ -242,12 +258,12 @@ fn mass(
     let mut left = reaching;
     if count > 0 {
         let mut before = 0.0f32;
-        let mut own = light(ray, levels, table, 0usize, left, outer, shape);
+        let mut own = weight(ray, levels, table, 0usize, left, outer, shape);
         for i in 0..count {
             left -= own;
             let mut next = own;
             if i + 1 < count {
-                next = light(ray, levels, table, i + 1, left, outer, shape);
+                next = weight(ray, levels, table, i + 1, left, outer, shape);
             }
             sum += 0.5 * (own.max(before) + own.max(next)) + even;
             before = own;
@@ -359,7 +375,11 @@ fn put(
     let at = target.first + part;
     let middle = start + target.shift * (end - start);
     let mut depth = comptime!(shape.near()) + middle * ray.step;
-    let length = select(expected < comptime!(shape.least()), 0.0f32, end - start);
+    let length = select(
+        expected < comptime!(shape.least_weight()),
+        0.0f32,
+        end - start,
+    );
     let mut delta = length * ray.step * ray.length;
     if outer {
         let step = comptime!(1.0 / shape.outer_steps as f32);
@@ -400,7 +420,7 @@ fn cut(
     let mut left = reaching;
     if count > 0 {
         let mut before = 0.0f32;
-        let mut own = light(ray, levels, table, 0usize, left, outer, shape);
+        let mut own = weight(ray, levels, table, 0usize, left, outer, shape);
         let mut sum = 0.0f32;
         let mut part = 0usize;
         let mut start = 0.0f32;
@@ -408,7 +428,7 @@ fn cut(
             left -= own;
             let mut next = own;
             if i + 1 < count {
-                next = light(ray, levels, table, i + 1, left, outer, shape);
+                next = weight(ray, levels, table, i + 1, left, outer, shape);
             }
             let after = sum + 0.5 * (own.max(before) + own.max(next)) + even;
             let last = i + 1 == count;

@@ -24,12 +24,12 @@ pub(crate) struct Merged {
     /// `[2 · rays, 3]`, mean points in the unit cube.
     pub(crate) points: CubeTensor,
     /// `[2 · rays]`, standard deviations of points about their mean.
-    pub(crate) spreads: CubeTensor,
+    pub(crate) footprint: CubeTensor,
 }
 
-/// Contributions of a ray's samples, into `weights`: their sums by volume, and the median depth.
+/// Weights of a ray's samples, into `weights`: their sums by volume, and the median depth.
 #[cube]
-fn contributions(
+fn ray_weights(
     sigma: &[f32],
     spans: &[u32],
     steps: &[f32],
@@ -67,7 +67,7 @@ fn gather(
     points: &[f32],
     shares: &mut [f32],
     means: &mut [f32],
-    spreads: &mut [f32],
+    footprint: &mut [f32],
     start: usize,
     end: usize,
     sum: f32,
@@ -99,7 +99,7 @@ fn gather(
     means[3 * at] = x;
     means[3 * at + 1] = y;
     means[3 * at + 2] = z;
-    spreads[at] = f32::sqrt(square);
+    footprint[at] = f32::sqrt(square);
 }
 
 #[cube(launch_unchecked)]
@@ -116,7 +116,7 @@ fn weigh_kernel(
     density: &mut [f32],
     depth: &mut [f32],
     means: &mut [f32],
-    spreads: &mut [f32],
+    footprint: &mut [f32],
     rays: u32,
     samples: u32,
     depths: u32,
@@ -124,7 +124,7 @@ fn weigh_kernel(
     let ray = ABSOLUTE_POS;
     let rays = rays as usize;
     if ray < rays {
-        let (near, far, median) = contributions(
+        let (near, far, median) = ray_weights(
             sigma,
             spans,
             steps,
@@ -147,7 +147,7 @@ fn weigh_kernel(
             let end = spans[ray * 4 + volume * 2 + 1] as usize;
             let sum = select(volume == 0, near, far);
             let at = volume * rays + ray;
-            gather(points, shares, means, spreads, start, end, sum, at);
+            gather(points, shares, means, footprint, start, end, sum, at);
         }
     }
 }
@@ -160,7 +160,7 @@ pub(crate) fn merge(layout: &Layout, sigma: &CubeTensor, points: &CubeTensor) ->
         density: empty(sigma, [2 * rays]),
         depth: empty(sigma, [rays]),
         points: empty(sigma, [2 * rays, 3]),
-        spreads: empty(sigma, [2 * rays]),
+        footprint: empty(sigma, [2 * rays]),
     };
     // SAFETY: units look at their own ray, whose samples are its own.
     unsafe {
@@ -176,7 +176,7 @@ pub(crate) fn merge(layout: &Layout, sigma: &CubeTensor, points: &CubeTensor) ->
             argument(&merged.density),
             argument(&merged.depth),
             argument(&merged.points),
-            argument(&merged.spreads),
+            argument(&merged.footprint),
             rays as u32,
             samples as u32,
             layout.depths,

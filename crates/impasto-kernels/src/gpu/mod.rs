@@ -7,11 +7,18 @@
 pub(crate) mod adam;
 pub(crate) mod composite;
 pub(crate) mod density_grid;
+mod field;
 pub(crate) mod hash_grid;
 pub(crate) mod launch;
-pub(crate) mod march;
+mod march;
 pub(crate) mod merge;
 pub(crate) mod mlp;
 pub(crate) mod perceptual;
 pub(crate) mod plain_mlp;
 pub(crate) mod radiance;
+
+pub use field::{
+    DensityGrids, Descent, FieldSamples, FieldSpec, MergedSamples, RaySamples, Rays, SamplesRead,
+    Targets, descend, evaluate, surface_layout,
+};
+pub use march::MarchSpec;

@@ -258,7 +258,7 @@ impl<'a> Piece<'a> {
         const WIDTH: usize = CompositeLayout::outputs(CHANNELS);
         let (mut density_grad, mut colour_grad) =
             (vec![0.0; densities.len()], vec![0.0; colours.len()]);
-        let passed = composite::transparencies(&layout.deltas, densities);
+        let passed = composite::transmittances(&layout.deltas, densities);
         let samples = (&*passed, colours);
         let rays = self.spec.layout.rays.len() as f32;
         let mut steps: Vec<Step> = Vec::new();

@@ -5,44 +5,27 @@
 //! How many samples lie in the inner volume only the device knows, so both volumes' rows stand in
 //! buffers with room for all of a batch's samples: inner ones first, outer ones behind them.
 
-use crate::gpu::composite::{self, Layout};
-use crate::gpu::density_grid::{self, Cells};
-use crate::gpu::launch::{Rows, Uploaded, empty, from_slice, from_u32, whole};
-use crate::gpu::march::{self, Marched};
-use crate::gpu::{hash_grid, merge, mlp, radiance};
+use super::composite::{self, Layout};
+use super::density_grid::{self, Cells};
+use super::launch::{Rows, Uploaded, empty, from_slice, from_u32, whole};
+use super::march::{self, MarchSpec, Marched};
+use super::{hash_grid, merge, mlp, radiance};
 use crate::{CompositeLayout, DensityGrid, HashGridSpec, Volume, VolumeSpec};
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{Device, Int, Slice, Tensor};
 use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 
-/// Where samples are taken.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MarchSpec {
-    /// Samples a ray, in both volumes together.
-    pub samples: usize,
-    /// Weight of spreading them evenly, where sending them to expected light has weight 1.
-    pub explore: f32,
-    /// Distance between two looks at the inner grid.
-    pub inner_step: f32,
-    /// Looks at the outer grid, equal steps of inverse radius.
-    pub outer_steps: usize,
-    /// Depth before which nothing is sampled.
-    pub near: f32,
-    /// Light that a sample must be expected to find, or else it counts for nothing; −1 to count all.
-    pub least: f32,
-}
-
 /// Networks of both volumes, and the hash grids before them.
 #[derive(Debug, Clone)]
-pub struct ResidentSpec {
+pub struct FieldSpec {
     /// Encodings, inner and outer volume.
     pub grids: [HashGridSpec; 2],
     /// Layers.
     pub volumes: [VolumeSpec; 2],
 }
 
-impl ResidentSpec {
+impl FieldSpec {
     /// Whether every GPU can compute all of it here.
     pub fn fits(&self) -> bool {
         let networks = self.volumes.iter().flat_map(|v| [&v.base, &v.geo, &v.app]);
@@ -68,11 +51,11 @@ fn tensor<const D: usize>(primitive: CubeTensor) -> Tensor<D> {
     Tensor::from_primitive::<CubeBackend>(primitive)
 }
 
-/// Rays for [`ResidentGrids::march`]. Directions have any length but zero.
+/// Rays for [`DensityGrids::march`]. Directions have any length but zero.
 #[derive(Debug, Clone, Default)]
-pub struct ResidentRays(Vec<f32>);
+pub struct Rays(Vec<f32>);
 
-impl ResidentRays {
+impl Rays {
     /// Adds a ray: where its samples lie in their parts, in `[0, 1)`, and the contracted distance of
     /// a surface that is known on it.
     pub fn push(
@@ -90,13 +73,13 @@ impl ResidentRays {
 
 /// Density grids of both volumes on a GPU.
 #[derive(Debug, Clone)]
-pub struct ResidentGrids {
+pub struct DensityGrids {
     cells: [Cells; 2],
     /// Cells that may be looked at, and how many they are.
     visible: [(CubeTensor, usize); 2],
 }
 
-impl ResidentGrids {
+impl DensityGrids {
     /// Copies grids to a GPU. Of each one only `visible` cells, one flag a cell, are ever looked at
     /// by [`Self::update`]; without flags all are.
     ///
@@ -141,19 +124,19 @@ impl ResidentGrids {
     ///
     /// # Panics
     /// If there are no rays.
-    pub fn march(&self, rays: &ResidentRays, spec: &MarchSpec) -> ResidentSamples {
+    pub fn march(&self, rays: &Rays, spec: &MarchSpec) -> RaySamples {
         let [inner, outer] = &self.cells;
         let count = rays.0.len() / march::RAY;
         let rays = from_slice(&inner.levels, rays.0.clone(), [count, march::RAY]);
         let levels = [&inner.levels, &outer.levels];
-        ResidentSamples {
+        RaySamples {
             marched: march::march(&rays, levels, [inner.side, outer.side], spec),
             rays,
         }
     }
 
     /// Takes note of the densities of samples, `[n]`, until the next [`Self::settle`].
-    pub fn observe(&self, samples: &ResidentSamples, densities: &Tensor<1>) {
+    pub fn observe(&self, samples: &RaySamples, densities: &Tensor<1>) {
         let densities = primitive(densities.clone());
         for (v, cells) in self.cells.iter().enumerate() {
             let points = &samples.marched.points;
@@ -166,7 +149,7 @@ impl ResidentGrids {
     /// what was observed of it.
     pub fn update(
         &self,
-        spec: &ResidentSpec,
+        spec: &FieldSpec,
         weights: &[Volume<Tensor<1>>; 2],
         (shares, dense): ([f32; 2], [f32; 2]),
         seed: u32,
@@ -192,7 +175,7 @@ impl ResidentGrids {
 
 /// Samples of a batch of rays.
 #[derive(Clone)]
-pub struct ResidentSamples {
+pub struct RaySamples {
     marched: Marched,
     rays: CubeTensor,
 }
@@ -208,7 +191,7 @@ pub struct SamplesRead {
     pub steps: Vec<f32>,
 }
 
-impl ResidentSamples {
+impl RaySamples {
     /// Number of rays.
     pub fn rays(&self) -> usize {
         self.rays.meta.shape()[0]
@@ -258,7 +241,7 @@ impl ResidentSamples {
 /// Features, and what `geo` says of them, at some rows of points.
 fn features(
     points: &CubeTensor,
-    spec: &ResidentSpec,
+    spec: &FieldSpec,
     weights: &Volume<CubeTensor>,
     volume: usize,
     rows: Rows<'_>,
@@ -280,7 +263,7 @@ struct Encoded {
 
 /// What rays should look like, and what else counts.
 #[derive(Debug, Clone)]
-pub struct ResidentTargets {
+pub struct Targets {
     /// Encoded views, `[rays, …]`; `None` if `app` does not see them.
     pub views: Option<Tensor<2>>,
     /// Wanted colours, `rays × 3`.
@@ -308,10 +291,10 @@ pub struct Descent {
 /// # Panics
 /// If targets are not as many as rays.
 pub fn descend(
-    spec: &ResidentSpec,
-    samples: &ResidentSamples,
+    spec: &FieldSpec,
+    samples: &RaySamples,
     weights: &[Volume<Tensor<1>>; 2],
-    targets: &ResidentTargets,
+    targets: &Targets,
 ) -> Descent {
     assert_eq!(targets.colours.len(), 3 * samples.rays(), "wanted colours");
     let points = &samples.marched.points;
@@ -345,8 +328,8 @@ struct Shaded {
 
 impl Shaded {
     fn new(
-        spec: &ResidentSpec,
-        samples: &ResidentSamples,
+        spec: &FieldSpec,
+        samples: &RaySamples,
         weights: &[Volume<CubeTensor>; 2],
         views: Option<&CubeTensor>,
     ) -> Self {
@@ -372,8 +355,8 @@ impl Shaded {
 
     fn back(
         &self,
-        spec: &ResidentSpec,
-        samples: &ResidentSamples,
+        spec: &FieldSpec,
+        samples: &RaySamples,
         weights: &[Volume<CubeTensor>; 2],
         v: usize,
         [density, colours]: [&CubeTensor; 2],
@@ -405,7 +388,7 @@ impl Shaded {
         );
         let points = &samples.marched.points;
         Volume {
-            encoded: hash_grid::spread_rows(points, &of_encoded, &spec.grids[v], rows),
+            encoded: hash_grid::encode_backward(points, &of_encoded, &spec.grids[v], rows),
             base,
             geo,
             app,
@@ -416,7 +399,7 @@ impl Shaded {
 /// Inputs of `app` and the colours that it gives all samples, `[n, 3]`.
 fn shade(
     volumes: &[VolumeSpec; 2],
-    samples: &ResidentSamples,
+    samples: &RaySamples,
     features: [&CubeTensor; 2],
     apps: [&CubeTensor; 2],
     views: Option<&CubeTensor>,
@@ -443,21 +426,21 @@ fn shade(
 
 /// Features and densities of the samples of rays.
 #[derive(Clone)]
-pub struct ResidentGeometry {
-    samples: ResidentSamples,
+pub struct FieldSamples {
+    samples: RaySamples,
     features: [CubeTensor; 2],
     density: CubeTensor,
 }
 
-/// One sample a ray and volume: the means of all, weighted by contribution.
+/// One sample a ray and volume: the means of all, by their weights.
 #[derive(Debug, Clone)]
-pub struct ResidentSurface {
+pub struct MergedSamples {
     /// Mean features, inner and outer volume, `[rays, width]`.
     pub features: [Tensor<2>; 2],
     /// Mean points in the unit cube, `[rays, 3]`.
     pub points: [Tensor<2>; 2],
     /// Standard deviation of where the light comes from, in the unit cube, `[rays]`.
-    pub spreads: [Tensor<1>; 2],
+    pub footprint: [Tensor<1>; 2],
     /// Optical depths, `[2 · rays]`: all inner ones, then all outer ones.
     pub density: Tensor<1>,
     /// Depth at which half of a ray's light has been gathered, `[rays]`.
@@ -466,11 +449,11 @@ pub struct ResidentSurface {
 
 /// Features and densities of samples. `weights` hold the hash tables in the place of encodings;
 /// `app` is not looked at.
-pub fn look(
-    spec: &ResidentSpec,
-    samples: ResidentSamples,
+pub fn evaluate(
+    spec: &FieldSpec,
+    samples: RaySamples,
     weights: &[Volume<Tensor<1>>; 2],
-) -> ResidentGeometry {
+) -> FieldSamples {
     let points = &samples.marched.points;
     let density = empty(points, [samples.count()]);
     let features = [0, 1].map(|v| {
@@ -479,14 +462,14 @@ pub fn look(
         radiance::densities(&raw, spec.volumes[v].density, rows, &density);
         encoded.features
     });
-    ResidentGeometry {
+    FieldSamples {
         samples,
         features,
         density,
     }
 }
 
-impl ResidentGeometry {
+impl FieldSamples {
     /// Shades every sample and composites: `[rays, 6]` as of [`crate::ops::composite`]. `volumes`
     /// say the layers of `app`, `apps` its parameters, `views` are the rays' encoded views, `[rays,
     /// …]`, where `app` sees them.
@@ -504,7 +487,7 @@ impl ResidentGeometry {
     }
 
     /// The same rays with one sample a volume.
-    pub fn merged(&self) -> ResidentSurface {
+    pub fn accumulate(&self) -> MergedSamples {
         let layout = self.samples.layout(false);
         let points = &self.samples.marched.points;
         let merged = merge::merge(&layout, &self.density, points);
@@ -516,17 +499,17 @@ impl ResidentGeometry {
             [0..rays, rays..2 * rays]
                 .map(|rows| CubeBackend::float_slice(of.clone(), &[Slice::from(rows)]))
         };
-        ResidentSurface {
+        MergedSamples {
             features,
             points: halves(&merged.points).map(tensor),
-            spreads: halves(&merged.spreads).map(tensor),
+            footprint: halves(&merged.footprint).map(tensor),
             density: tensor(merged.density),
             depth: tensor(merged.depth),
         }
     }
 }
 
-/// The layout of merged samples: those of [`ResidentSurface`]. Depths are not known to it.
+/// The layout of merged samples: those of [`MergedSamples`]. Depths are not known to it.
 pub fn surface_layout(rays: usize) -> CompositeLayout {
     let spans = (0..rays).map(|ray| crate::RaySpan {
         inner: ray..ray + 1,
