@@ -1,9 +1,9 @@
 //! One volume's shape: encoding, `base` and `geo`.
 
-use crate::config::{DensityActivation, VolumeConfig};
-use crate::encoding::{Positions, encode};
+use crate::config::{EncodingConfig, VolumeConfig};
+use crate::encoding::{Positions, encode, hash_table, vector};
 use crate::network::{AppNetwork, Trunk};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use impasto_kernels::{Density, HashGridSpec, LayerSpec, MlpSpec, Volume, VolumeSpec, ops};
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -26,8 +26,6 @@ pub struct BranchWeights {
     pub base: Tensor<1>,
     /// `geo`.
     pub geo: Tensor<1>,
-    /// The learned vector that both volumes share, where the trunk takes one.
-    pub latent: Option<Tensor<1>>,
 }
 
 /// Uniform Kaiming initialisation (fan-in, relu gain) of layers whose parameters follow each other;
@@ -46,34 +44,15 @@ pub fn kaiming<'a>(
     vector(flat, device)
 }
 
-/// A flat vector as a tensor.
-pub fn vector(data: Vec<f32>, device: &Device) -> Tensor<1> {
-    let length = data.len();
-    Tensor::from_data(TensorData::new(data, [length]), device)
-}
-
 /// Size of a hash table's first entries (Müller et al. 2022).
 const FIRST_ENTRIES: f32 = 1e-4;
 
-/// A hash table with entries uniform in ±`size`, or a single unused number for other encodings.
-pub fn encoding_weights(
-    config: &crate::EncodingConfig,
-    size: f32,
-    rng: &mut Pcg64,
-    device: &Device,
-) -> Tensor<1> {
-    let length = config.hash_grid().map_or(1, |g| g.params());
-    vector(
-        (0..length).map(|_| rng.random_range(-size..size)).collect(),
-        device,
-    )
-}
-
 impl Branch {
-    /// A branch over positions of `dimensions` coordinates (3 inner, 4 outer).
-    pub fn new(config: VolumeConfig, dimensions: usize) -> Self {
+    /// A branch over positions of `dimensions` coordinates (3 inner, 4 outer), with a learned vector
+    /// of `latent` numbers where the trunk is residual.
+    pub fn new(config: VolumeConfig, dimensions: usize, latent: Option<usize>) -> Self {
         Self {
-            trunk: config.trunk(dimensions),
+            trunk: config.trunk(dimensions, latent),
             geo: config.geo_spec(),
             config,
             dimensions,
@@ -90,33 +69,30 @@ impl Branch {
         self.config.features()
     }
 
-    /// Random weights, with the learned vector that both volumes share.
-    pub fn init(
-        &self,
-        rng: &mut Pcg64,
-        device: &Device,
-        latent: Option<Tensor<1>>,
-    ) -> BranchWeights {
+    /// Random weights.
+    pub fn init(&self, rng: &mut Pcg64, device: &Device) -> BranchWeights {
+        let encoding = match &self.config.encoding {
+            EncodingConfig::HashGrid(grid) => hash_table(grid, FIRST_ENTRIES, rng, device),
+            // Unused, but drawn: every encoding has a vector.
+            EncodingConfig::Frequency { .. } => {
+                vector(vec![rng.random_range(-FIRST_ENTRIES..FIRST_ENTRIES)], device)
+            }
+        };
         BranchWeights {
-            encoding: encoding_weights(&self.config.encoding, FIRST_ENTRIES, rng, device),
+            encoding,
             base: kaiming(self.trunk.layers(), rng, device),
             geo: kaiming(self.geo.layers(), rng, device),
-            latent,
         }
     }
 
-    /// Lengths of the three weight vectors, for checking files.
-    pub fn lengths(&self) -> [usize; 3] {
-        [
-            self.config.encoding.hash_grid().map_or(1, |g| g.params()),
-            self.trunk.params(),
-            self.geo.params(),
-        ]
-    }
-
-    /// Length of the learned vector.
-    pub fn latent(&self) -> Option<usize> {
-        self.config.latent
+    /// Zero weights, for reading.
+    pub fn zeros(&self, device: &Device) -> BranchWeights {
+        let zeros = |length| Tensor::zeros([length], device);
+        BranchWeights {
+            encoding: zeros(self.hash_grid().map_or(1, |grid| grid.params())),
+            base: zeros(self.trunk.params()),
+            geo: zeros(self.geo.params()),
+        }
     }
 
     /// The hash grid, if that is the encoding.
@@ -126,16 +102,12 @@ impl Branch {
 
     /// Layers of `base` and `geo`, and what the last number says.
     pub(crate) fn layers(&self) -> (&MlpSpec, &MlpSpec, Density) {
-        let density = match self.config.density {
-            DensityActivation::Exp => Density::Exp,
-            DensityActivation::Abs => Density::Abs,
-        };
-        (self.trunk.chain(), &self.geo, density)
+        (self.trunk.chain(), &self.geo, self.config.density)
     }
 
-    /// Weights of the layers of `base`.
-    pub(crate) fn folded(&self, weights: &BranchWeights) -> Tensor<1> {
-        self.trunk.folded(&weights.base, weights.latent.as_ref())
+    /// Weights of the layers of `base`; `latent` is the field's learned vector.
+    pub(crate) fn folded(&self, weights: &BranchWeights, latent: Option<&Tensor<1>>) -> Tensor<1> {
+        self.trunk.folded(&weights.base, latent)
     }
 
     /// Layers from encoding to colour, with an `app` on this branch's features.
@@ -153,17 +125,17 @@ impl Branch {
     pub(crate) fn volume(
         &self,
         weights: &BranchWeights,
+        latent: Option<&Tensor<1>>,
         positions: &Positions<'_>,
-        (app, app_weights): (&AppNetwork, &Tensor<1>),
-        app_latent: Option<&Tensor<1>>,
+        app: Tensor<1>,
     ) -> Volume<Tensor<1>> {
         let encoded = self.encode(weights, positions);
         let [rows, width] = encoded.dims();
         Volume {
             encoded: encoded.reshape([rows * width]),
-            base: self.folded(weights),
+            base: self.folded(weights, latent),
             geo: weights.geo.clone(),
-            app: app.folded(app_weights, app_latent),
+            app,
         }
     }
 
@@ -177,20 +149,19 @@ impl Branch {
     /// # Shapes
     /// `n` positions; result: `[n, features]` and `[n]`, densities non-negative. Positions are not
     /// differentiated.
-    pub fn geometry(
+    pub fn evaluate(
         &self,
         weights: &BranchWeights,
+        latent: Option<&Tensor<1>>,
         positions: &Positions<'_>,
     ) -> (Tensor<2>, Tensor<1>) {
         let encoded = self.encode(weights, positions);
-        let features = self
-            .trunk
-            .forward(encoded, &weights.base, weights.latent.as_ref());
+        let features = self.trunk.forward(encoded, &weights.base, latent);
         let raw: Tensor<1> =
             ops::mlp(features.clone(), weights.geo.clone(), &self.geo).squeeze_dim(1);
         let density = match self.config.density {
-            DensityActivation::Exp => raw.clamp(-15.0, 15.0).exp(),
-            DensityActivation::Abs => raw.abs(),
+            Density::Exp => raw.clamp(-15.0, 15.0).exp(),
+            Density::Abs => raw.abs(),
         };
         (features, density)
     }

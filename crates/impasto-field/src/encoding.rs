@@ -2,7 +2,9 @@
 
 use crate::config::EncodingConfig;
 use burn::tensor::{Device, Tensor, TensorData};
-use impasto_kernels::ops;
+use impasto_kernels::{HashGridSpec, ops};
+use rand::RngExt;
+use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 /// Rows encoded by one task.
@@ -63,16 +65,15 @@ pub fn frequencies_of(rows: &Tensor<2>, bands: usize) -> Tensor<2> {
 /// `points`: `n × dimensions`, raw coordinates; `cube`: `n × 3`, the same in the unit cube;
 /// result: `[n, config.outputs(dimensions)]`. Positions are not differentiated.
 pub fn encode(config: &EncodingConfig, weights: &Tensor<1>, points: &Positions<'_>) -> Tensor<2> {
-    match (config.hash_grid(), config) {
-        (Some(spec), _) => {
+    match config {
+        EncodingConfig::HashGrid(spec) => {
             let cube = matrix(points.cube.to_vec(), 3, &weights.device());
-            ops::hash_encode(cube, weights.clone(), spec)
+            ops::hash_encode(cube, weights.clone(), *spec)
         }
-        (None, EncodingConfig::Frequency { bands }) => {
+        EncodingConfig::Frequency { bands } => {
             let rows = frequencies(points.raw, points.dimensions, *bands);
             matrix(rows, config.outputs(points.dimensions), &weights.device())
         }
-        (None, EncodingConfig::HashGrid { .. }) => unreachable!("hash grids have a spec"),
     }
 }
 
@@ -85,6 +86,37 @@ pub struct Positions<'a> {
     pub dimensions: usize,
     /// `n × 3`.
     pub cube: &'a [f32],
+}
+
+/// A hash table with entries uniform in ±`size`.
+pub(crate) fn hash_table(
+    grid: &HashGridSpec,
+    size: f32,
+    rng: &mut Pcg64,
+    device: &Device,
+) -> Tensor<1> {
+    let entries = (0..grid.params()).map(|_| rng.random_range(-size..size));
+    vector(entries.collect(), device)
+}
+
+/// A flat vector as a tensor.
+pub fn vector(data: Vec<f32>, device: &Device) -> Tensor<1> {
+    let length = data.len();
+    Tensor::from_data(TensorData::new(data, [length]), device)
+}
+
+/// What a failure of [`host`] begins with.
+pub const LOST: &str = "numbers cannot be read back";
+
+/// The numbers of a tensor, in row-major order.
+///
+/// # Panics
+/// If its device is lost or has no memory left: nothing that was computed there can be trusted.
+pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    // Every tensor of this program is f32, so that a conversion never fails for its type.
+    tensor
+        .try_into_vec_as::<f32>()
+        .unwrap_or_else(|error| panic!("{LOST}: {error}"))
 }
 
 /// A row-major matrix as a tensor.

@@ -5,40 +5,46 @@
 //! - [`network`]: layers that share one weight vector, plain or as in the paper;
 //! - [`branch`]: `base` and `geo` of one volume;
 //! - [`appearance`]: `app`, whose weights are data: learned for photos, predicted for paintings;
-//! - [`sampling`]: samples where density grids expect light, packed ray by ray;
-//! - `surface`: a ray's samples merged to one per volume, for cheap shading;
-//! - [`paintable`]: all that `app` looks at and no style changes;
-//! - [`loss`]: the geometry stage's loss, in one operation;
-//! - `resident` (feature `gpu`): the same on a GPU without ever coming back from there;
-//! - [`render`]: the one ray renderer that training, rendering and evaluation share.
+//! - [`parameters`]: names and order of all that is learned, said once;
+//! - [`grids`] and [`sampling`]: where samples go, packed ray by ray;
+//! - `volrend`: weights, accumulation, the [`GBuffer`] and its shading;
+//! - `backend`: three ways to do the same steps: reference, CPU, GPU;
+//! - [`renderer`]: the one [`Renderer`], which picks one of them when it is opened;
+//! - [`training`]: the geometry stage's loss, in one operation.
 //!
 //! Styles are unknown here except as "weights of `app`".
 
 pub mod appearance;
+mod backend;
 pub mod branch;
 pub mod config;
 pub mod encoding;
 pub mod field;
-mod host;
-pub mod loss;
-pub mod network;
-pub mod paintable;
-pub mod render;
 #[cfg(feature = "gpu")]
-pub mod resident;
+pub mod gpu_training;
+pub mod grids;
+pub mod network;
+pub mod parameters;
+pub mod rays;
+pub mod renderer;
 pub mod sampling;
-mod seen;
 pub mod sphere;
-mod surface;
+pub mod training;
+mod volrend;
 
-pub use appearance::{Appearance, AppearanceConfig, Canvas, Shading};
+pub use appearance::{Appearance, Canvas};
+pub use backend::reference::FieldValues;
 pub use branch::{Branch, BranchWeights};
 pub use config::{
-    CascadeConfig, DensityActivation, EncodingConfig, FieldConfig, SamplingConfig, VolumeConfig,
+    AppConfig, AppearanceConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig,
+    Shading, VolumeConfig,
 };
-pub use field::{Field, FieldWeights, Grids, Visible};
+pub use encoding::host;
+pub use field::{Field, FieldWeights, RadianceField};
+pub use grids::{OccupancyGrids, VisibleCells};
 pub use network::{AppNetwork, Trunk};
-pub use paintable::Paintable;
-pub use render::{Geometry, Prepared, RenderedRays, prepare_rays, render_rays};
-pub use sampling::{RayBatch, Samples, contracted_distance};
-pub use seen::{SeenRays, see_rays};
+pub use parameters::Parameters;
+pub use rays::{RayBatch, contracted_distance};
+pub use renderer::{GBufferOptions, RayBuffers, RenderedRays, Renderer};
+pub use sampling::Samples;
+pub use volrend::gbuffer::GBuffer;

@@ -163,22 +163,18 @@ impl AppNetwork {
     /// Colours in `(0, 1)`, or `known` ones with the gradients that computing them would have.
     ///
     /// # Shapes
-    /// `features`: `[n, f]`; `others`: further inputs, `[n, …]` each; `weights` and `latent`: as
-    /// of [`Self::folded`]; result and `known`: `[n, 3]`.
+    /// `inputs`: features and what joins them, `[n, …]` each; `weights`: as of [`Self::folded`];
+    /// result and `known`: `[n, 3]`.
     pub fn forward(
         &self,
-        features: Tensor<2>,
-        others: Vec<Tensor<2>>,
-        (weights, latent): (&Tensor<1>, Option<&Tensor<1>>),
+        mut inputs: Vec<Tensor<2>>,
+        weights: Tensor<1>,
         known: Option<Tensor<2>>,
     ) -> Tensor<2> {
-        let mut inputs = vec![features];
-        inputs.extend(others);
         let input = match inputs.len() {
             1 => inputs.remove(0),
             _ => Tensor::cat(inputs, 1),
         };
-        let weights = self.folded(weights, latent);
         match known {
             Some(colours) => ops::mlp_again(input, weights, &self.chain, colours),
             None => ops::mlp(input, weights, &self.chain),

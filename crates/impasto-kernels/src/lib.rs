@@ -13,6 +13,8 @@ pub mod device;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod ops;
+pub mod sampling;
+pub mod settings;
 
 pub use cpu::adam::AdamStep;
 pub use cpu::composite::{CompositeLayout, RaySpan};
@@ -22,4 +24,5 @@ pub use cpu::density_grid::DensityGrid;
 pub use cpu::hash_grid::HashGridSpec;
 pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
 pub use cpu::perceptual::{Border, OddEnd, PerceptualStack};
+pub use sampling::OccupancySpec;
 pub use cpu::radiance::{Density, RadianceSpec, Volume, VolumeSpec};

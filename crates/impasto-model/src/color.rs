@@ -1,6 +1,6 @@
 //! Colours of pictures as mean and covariance, and the linear map between two of them.
 
-use crate::styles::STYLE_SIDE;
+use crate::embedding::STYLE_SIDE;
 use burn::tensor::Tensor;
 use glam::{DMat3, DVec3};
 use image::RgbImage;
@@ -29,7 +29,7 @@ const ROUNDS: usize = 30;
 const MOST_GAIN: f64 = 3.0;
 
 impl ColorStatistics {
-    /// The palette of pixels, three numbers each.
+    /// Those of pixels, three numbers each.
     pub fn of<'a>(pixels: impl Iterator<Item = &'a [f32]> + Clone) -> Self {
         let colours = pixels.map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()));
         let count = (colours.clone().count() as f64).max(1.0);
@@ -45,24 +45,24 @@ impl ColorStatistics {
         }
     }
 
-    /// The palette of a painting's middle square.
+    /// Those of a painting's middle square.
     pub fn of_picture(painting: &RgbImage) -> Self {
         let square = square_crop(painting, 1.0, (0.5, 0.5), STYLE_SIDE);
         Self::of(picture(&square).chunks_exact(3))
     }
 
     /// How many numbers it is made of.
-    pub(crate) const NUMBERS: usize = 9;
+    pub const NUMBERS: usize = 9;
 
     /// All of it: the mean, then the covariance's upper triangle by rows.
-    pub(crate) fn numbers(&self) -> [f64; Self::NUMBERS] {
+    pub fn numbers(&self) -> [f64; Self::NUMBERS] {
         let (m, c) = (self.mean, self.covariance);
         let [x, y, z] = [c.x_axis, c.y_axis, c.z_axis];
         [m.x, m.y, m.z, x.x, x.y, x.z, y.y, y.z, z.z]
     }
 
     /// The inverse of [`Self::numbers`].
-    pub(crate) fn of_numbers(n: &[f64; Self::NUMBERS]) -> Self {
+    pub fn of_numbers(n: &[f64; Self::NUMBERS]) -> Self {
         Self {
             mean: DVec3::new(n[0], n[1], n[2]),
             covariance: DMat3::from_cols(
@@ -82,9 +82,9 @@ impl ColorStatistics {
         }
     }
 
-    /// The linear map that gives colours of this palette the mean and covariance of `other` and
+    /// The linear map that gives colours of these statistics the mean and covariance of `other` and
     /// moves them least: Monge–Kantorovich (Pitié & Kokaram 2007).
-    pub fn recolouring(&self, other: &Self) -> ColorTransfer {
+    pub fn transfer_to(&self, other: &Self) -> ColorTransfer {
         let root = square_root(self.covariance);
         let inverse = root.inverse();
         let between = square_root(root * other.covariance * root);
@@ -102,11 +102,11 @@ impl ColorStatistics {
 }
 
 impl ColorTransfer {
-    /// Moves colours only `share` of the way.
-    pub fn softened(&self, share: f32) -> Self {
-        let share = f64::from(share);
-        let (from, to) = (self.from, self.from.lerp(self.to, share));
-        let matrix = self.matrix * share + DMat3::IDENTITY * (1.0 - share);
+    /// Moves colours only part of the way: all of it at a strength of 1.
+    pub fn scaled(&self, strength: f32) -> Self {
+        let strength = f64::from(strength);
+        let (from, to) = (self.from, self.from.lerp(self.to, strength));
+        let matrix = self.matrix * strength + DMat3::IDENTITY * (1.0 - strength);
         Self { matrix, from, to }
     }
 
@@ -154,10 +154,10 @@ mod tests {
     fn pixels_are_recoloured_alike_wherever_they_are() {
         let (one, other) = (colours(1, [0.3, 0.1, 0.2]), colours(2, [0.1, 0.4, 0.3]));
         let palette = |colours: &[f32]| ColorStatistics::of(colours.chunks_exact(3));
-        let recolouring = palette(&one).recolouring(&palette(&other));
+        let transfer = palette(&one).transfer_to(&palette(&other));
         let pixels = Tensor::<1>::from_data(&one[..], &impasto_kernels::device::tested());
-        let found = impasto_field::render::host(recolouring.applied(pixels.reshape([30, 100, 3])));
-        for (found, wanted) in found.iter().zip(recolouring.apply(&one)) {
+        let found = impasto_field::host(transfer.applied(pixels.reshape([30, 100, 3])));
+        for (found, wanted) in found.iter().zip(transfer.apply(&one)) {
             assert!((found - wanted).abs() < 1e-4, "{found} {wanted}");
         }
     }
@@ -177,7 +177,7 @@ mod tests {
         let (photo, painting) = (colours(1, [0.1, 0.2, 0.3]), colours(2, [0.3, 0.1, 0.2]));
         let palette = |pixels: &[f32]| ColorStatistics::of(pixels.chunks_exact(3));
         let wanted = palette(&painting);
-        let found = palette(&palette(&photo).recolouring(&wanted).apply(&photo));
+        let found = palette(&palette(&photo).transfer_to(&wanted).apply(&photo));
         assert!((found.mean - wanted.mean).length() < 1e-3);
         let far = (found.covariance - wanted.covariance).to_cols_array();
         assert!(far.iter().all(|d| d.abs() < 2e-3), "{far:?}");
@@ -186,15 +186,15 @@ mod tests {
     #[test]
     fn a_softened_map_goes_part_of_the_way() {
         let palette = |seed| ColorStatistics::of(colours(seed, [0.2; 3]).chunks_exact(3));
-        let map = palette(1).recolouring(&ColorStatistics {
+        let map = palette(1).transfer_to(&ColorStatistics {
             mean: DVec3::splat(0.6),
             ..palette(2)
         });
         let pixels = [0.4, 0.5, 0.45];
         let (all, half, none) = (
             map.apply(&pixels),
-            map.softened(0.5).apply(&pixels),
-            map.softened(0.0).apply(&pixels),
+            map.scaled(0.5).apply(&pixels),
+            map.scaled(0.0).apply(&pixels),
         );
         for c in 0..3 {
             assert!((none[c] - pixels[c]).abs() < 1e-6);
@@ -207,7 +207,7 @@ mod tests {
         let grey = ColorStatistics::of([0.5f32; 30].chunks_exact(3));
         let none = ColorStatistics::of(std::iter::empty());
         for (a, b) in [(grey, none), (none, grey), (grey, grey)] {
-            let mapped = a.recolouring(&b).apply(&[0.2, 0.5, 0.9]);
+            let mapped = a.transfer_to(&b).apply(&[0.2, 0.5, 0.9]);
             assert!(mapped.iter().all(|c| (0.0..=1.0).contains(c)));
         }
     }

@@ -1,32 +1,28 @@
 //! `model.safetensors`: all weights, with everything else as JSON in its metadata.
 
-use crate::TrainError;
-use crate::budget::Budget;
-use crate::checkpoint::CHECKPOINT_FILE;
 use crate::config::TrainConfig;
-use crate::durable::write_whole;
-use crate::identity::Identity;
-use crate::style_stage::{StyleModel, hypernetworks};
-use burn::tensor::{Device, Tensor};
-use impasto_field::branch::vector;
-use impasto_field::render::host;
-use impasto_field::{Appearance, BranchWeights, Canvas, Field, FieldWeights, Grids};
-use impasto_kernels::DensityGrid;
-use impasto_scene::file::{LARGEST_FILE, plainly, read_whole};
+use crate::error::ModelError;
+use crate::hypernetworks::StyleModel;
+use crate::record::TrainingRecord;
+use crate::tensors::{Entry, TensorReader, serialize};
+use burn::tensor::Device;
+use impasto_field::{Appearance, Field, OccupancyGrids, RadianceField};
+use impasto_scene::file::{LARGEST_FILE, plainly, read_whole, write_atomic};
 use impasto_scene::{Camera, Normalisation, Split};
-use impasto_style::{HypernetworkWeights, StyleError, StyleVae};
-use safetensors::tensor::{Dtype, TensorView};
-use safetensors::{SafeTensorError, SafeTensors};
+use impasto_style::{StyleError, StyleVae};
+use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+/// Name of the file that a run in training keeps beside the model.
+pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
 /// File name inside a model folder.
 pub const MODEL_FILE: &str = "model.safetensors";
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// One photo that a model was made from; the pixels are not kept.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -72,23 +68,6 @@ pub struct Quality {
     pub views: usize,
 }
 
-/// The run that made a model, once it is over.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Finished {
-    /// What decided its result.
-    pub(crate) identity: Identity,
-    /// Length that was asked for.
-    pub budget: Budget,
-    /// Steps of the geometry stage.
-    pub geometry_steps: u64,
-    /// Steps of the style stage.
-    pub style_steps: u64,
-    /// Files in the style folder, less those that are known to be no pictures.
-    pub paintings: usize,
-    /// Files in the style folder that the style stage found to be no pictures.
-    pub unreadable_paintings: usize,
-}
-
 #[derive(Serialize, Deserialize)]
 struct Header {
     version: u32,
@@ -97,7 +76,7 @@ struct Header {
     quality: Quality,
     seed: u64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    finished: Option<Finished>,
+    finished: Option<TrainingRecord>,
 }
 
 /// The contents of a model file.
@@ -111,79 +90,22 @@ pub struct ModelFile {
     pub quality: Quality,
     /// Its seed.
     pub seed: u64,
-    /// Field weights.
-    pub weights: FieldWeights,
-    /// Density grids.
-    pub grids: Grids,
-    /// The photo's own look.
-    pub photo_app: Appearance,
+    /// The field, with the colours that photos show. A cascade's first field keeps no colours.
+    pub radiance: RadianceField,
+    /// Density grids, where samples go by those.
+    pub grids: Option<OccupancyGrids>,
     /// Hypernetworks, once the style stage has run.
     pub style: Option<StyleModel>,
     /// The encoder that its style codes come from, if it is not the shipped one.
     pub encoder: Option<StyleVae>,
-    /// The run that it comes from, unless that is not over or was not [`crate::train`].
-    pub finished: Option<Finished>,
-}
-
-/// A tensor to be stored.
-pub(crate) struct Entry {
-    pub(crate) name: String,
-    pub(crate) dtype: Dtype,
-    pub(crate) length: usize,
-    pub(crate) bytes: Vec<u8>,
-}
-
-/// A safetensors file.
-pub(crate) fn serialize(
-    entries: &[Entry],
-    metadata: HashMap<String, String>,
-) -> Result<Vec<u8>, SafeTensorError> {
-    let views = entries.iter().map(|e| {
-        let view = TensorView::new(e.dtype, vec![e.length], &e.bytes)?;
-        Ok((e.name.as_str(), view))
-    });
-    let views = views.collect::<Result<Vec<_>, SafeTensorError>>()?;
-    safetensors::serialize(views, Some(metadata))
-}
-
-pub(crate) fn floats(name: impl Into<String>, tensor: &Tensor<1>) -> Entry {
-    let numbers = host(tensor.clone());
-    Entry {
-        name: name.into(),
-        dtype: Dtype::F32,
-        length: numbers.len(),
-        bytes: numbers.iter().flat_map(|v| v.to_le_bytes()).collect(),
-    }
-}
-
-pub(crate) fn levels(name: &str, grid: &DensityGrid) -> Entry {
-    Entry {
-        name: name.into(),
-        dtype: Dtype::U8,
-        length: grid.cells(),
-        bytes: grid.levels().to_vec(),
-    }
+    /// The run that it comes from, unless that is not over or did more than train.
+    pub finished: Option<TrainingRecord>,
 }
 
 /// Tensor that holds an encoder's own safetensors file, byte by byte.
 const ENCODER: &str = "style_vae";
-const VOLUMES: [&str; 2] = ["inner", "outer"];
-/// What names of a cascade's first field begin with.
-const COARSE: &str = "coarse.";
-
-/// Both volumes of one field.
-fn level_entries(level: &str, weights: &FieldWeights) -> Vec<Entry> {
-    let latent = weights.inner.latent.iter();
-    let mut entries: Vec<Entry> = latent
-        .map(|z| floats(format!("{level}latent"), z))
-        .collect();
-    for (volume, w) in VOLUMES.iter().zip([&weights.inner, &weights.outer]) {
-        entries.push(floats(format!("{level}{volume}.encoding"), &w.encoding));
-        entries.push(floats(format!("{level}{volume}.base"), &w.base));
-        entries.push(floats(format!("{level}{volume}.geo"), &w.geo));
-    }
-    entries
-}
+/// Names of both density grids.
+const GRIDS: [&str; 2] = ["inner.grid", "outer.grid"];
 
 impl ModelFile {
     /// The encoder that its style codes come from.
@@ -194,39 +116,24 @@ impl ModelFile {
         self.config.encoder(self.encoder.clone())
     }
 
+    /// The appearance of the photos.
+    pub fn photo_app(&self) -> &Appearance {
+        &self.radiance.app
+    }
+
     fn entries(&self) -> Result<Vec<Entry>, StyleError> {
-        let mut entries = vec![
-            levels("inner.grid", self.grids.inner()),
-            levels("outer.grid", self.grids.outer()),
-        ];
-        entries.extend(level_entries("", &self.weights));
-        if let Some(coarse) = &self.weights.coarse {
-            entries.extend(level_entries(COARSE, coarse));
-        }
-        entries.push(floats("inner.photo_app", &self.photo_app.inner));
-        entries.push(floats("outer.photo_app", &self.photo_app.outer));
+        let grids = self.grids.iter().flat_map(|grids| [grids.inner(), grids.outer()]);
+        let mut entries: Vec<Entry> = GRIDS
+            .into_iter()
+            .zip(grids)
+            .map(|(name, grid)| Entry::levels(name, grid))
+            .collect();
+        entries.extend(Entry::parameters(&self.radiance));
         if let Some(style) = &self.style {
-            // The field's level is the last, a cascade's first field comes before it.
-            for (level, volumes) in ["", COARSE].iter().zip(style.levels.iter().rev()) {
-                for (volume, weights) in VOLUMES.iter().zip(volumes) {
-                    let name = |i: usize| format!("{level}{volume}.hypernetwork.{i}");
-                    let layers = weights.0.iter().enumerate();
-                    entries.extend(layers.map(|(i, w)| floats(name(i), w)));
-                }
-            }
-            if let Some(canvas) = &style.canvas {
-                entries.push(floats("inner.canvas", &canvas.inner));
-                entries.push(floats("outer.canvas", &canvas.outer));
-            }
+            entries.extend(Entry::parameters(style));
         }
         if let Some(encoder) = &self.encoder {
-            let bytes = encoder.to_bytes()?;
-            entries.push(Entry {
-                name: ENCODER.into(),
-                dtype: Dtype::U8,
-                length: bytes.len(),
-                bytes,
-            });
+            entries.push(Entry::bytes(ENCODER, encoder.to_bytes()?));
         }
         Ok(entries)
     }
@@ -235,9 +142,9 @@ impl ModelFile {
     ///
     /// # Errors
     /// If the folder cannot be written.
-    pub fn save(&self, dir: &Path) -> Result<PathBuf, TrainError> {
+    pub fn save(&self, dir: &Path) -> Result<PathBuf, ModelError> {
         let path = dir.join(MODEL_FILE);
-        let failed = |reason: String| TrainError::Write {
+        let failed = |reason: String| ModelError::Write {
             path: path.clone(),
             reason,
         };
@@ -252,7 +159,7 @@ impl ModelFile {
         let json = serde_json::to_string(&header).map_err(|e| failed(e.to_string()))?;
         let metadata = HashMap::from([(KEY.to_owned(), json)]);
         let bytes = serialize(&self.entries()?, metadata).map_err(|e| failed(e.to_string()))?;
-        write_whole(&path, &bytes)?;
+        write_atomic(&path, &bytes).map_err(|e| ModelError::write(&path, &e))?;
         Ok(path)
     }
 
@@ -260,13 +167,13 @@ impl ModelFile {
     ///
     /// # Errors
     /// If there is none, or it is damaged or of another version.
-    pub fn load(path: &Path, device: &Device) -> Result<Self, TrainError> {
+    pub fn load(path: &Path, device: &Device) -> Result<Self, ModelError> {
         let path = if path.is_dir() {
             path.join(MODEL_FILE)
         } else {
             path.to_owned()
         };
-        let failed = |reason: String| TrainError::Model {
+        let failed = |reason: String| ModelError::Read {
             path: path.clone(),
             reason,
         };
@@ -302,147 +209,41 @@ impl ModelFile {
         }
         let tensors = SafeTensors::deserialize(&bytes)
             .map_err(|e| failed(format!("is damaged ({e}); copy it again or train it again")))?;
-        let reader = Reader {
+        let reader = TensorReader {
             tensors: &tensors,
             device,
         };
-        reader
-            .model(header)
-            .map_err(|problem| failed(format!("{problem}; copy it again or train it again")))
+        read(reader, header).map_err(|problem| failed(format!("{problem}; copy it again or train it again")))
     }
 }
 
-/// Tensors of a file, checked as they are read.
-pub(crate) struct Reader<'a> {
-    pub(crate) tensors: &'a SafeTensors<'a>,
-    pub(crate) device: &'a Device,
-}
-
-impl Reader<'_> {
-    pub(crate) fn floats(&self, name: &str, length: usize) -> Result<Tensor<1>, String> {
-        Ok(vector(self.numbers(name, length)?, self.device))
-    }
-
-    pub(crate) fn numbers(&self, name: &str, length: usize) -> Result<Vec<f32>, String> {
-        let tensor = self
-            .tensors
-            .tensor(name)
-            .map_err(|_| format!("lacks the tensor \"{name}\""))?;
-        let (numbers, rest) = tensor.data().as_chunks::<4>();
-        if tensor.dtype() != Dtype::F32 || numbers.len() != length || !rest.is_empty() {
-            return Err(format!(
-                "holds \"{name}\" with {} numbers, {length} were expected",
-                numbers.len()
-            ));
-        }
-        Ok(numbers.iter().map(|b| f32::from_le_bytes(*b)).collect())
-    }
-
-    pub(crate) fn grid(&self, name: &str) -> Result<DensityGrid, String> {
-        let tensor = self
-            .tensors
-            .tensor(name)
-            .map_err(|_| format!("lacks the tensor \"{name}\""))?;
-        DensityGrid::from_levels(tensor.data().to_vec())
-            .ok_or_else(|| format!("holds \"{name}\", which is no cube"))
-    }
-
-    fn level(&self, level: &str, field: &Field) -> Result<FieldWeights, String> {
-        let latent = field.inner.latent();
-        let latent = latent.map(|n| self.floats(&format!("{level}latent"), n));
-        let latent = latent.transpose()?;
-        let branch = |volume: &str, lengths: [usize; 3]| -> Result<BranchWeights, String> {
-            let part = |name, length| self.floats(&format!("{level}{volume}.{name}"), length);
-            Ok(BranchWeights {
-                encoding: part("encoding", lengths[0])?,
-                base: part("base", lengths[1])?,
-                geo: part("geo", lengths[2])?,
-                latent: latent.clone(),
-            })
-        };
-        Ok(FieldWeights {
-            inner: branch("inner", field.inner.lengths())?,
-            outer: branch("outer", field.outer.lengths())?,
-            coarse: None,
-        })
-    }
-
-    fn model(&self, header: Header) -> Result<ModelFile, String> {
-        let config = header.config;
-        config.validate().map_err(|e| e.to_string())?;
-        let field = Field::new(config.field.clone());
-        let features = field.features();
-        let mut weights = self.level("", &field)?;
-        if config.field.cascade.is_some() {
-            weights.coarse = Some(Box::new(self.level(COARSE, &field)?));
-        }
-        let photo_app = |i: usize| {
-            self.floats(
-                &format!("{}.photo_app", VOLUMES[i]),
-                config.photo_app.network(features[i], 3 + i).params(),
-            )
-        };
-        Ok(ModelFile {
-            grids: Grids::new(self.grid("inner.grid")?, self.grid("outer.grid")?),
-            photo_app: Appearance {
-                config: config.photo_app.clone(),
-                inner: photo_app(0)?,
-                outer: photo_app(1)?,
-                canvas: None,
-                latent: config.photo_app.latent.and(weights.inner.latent.clone()),
-            },
-            weights,
-            style: self.style(&field, &config)?,
-            encoder: self.encoder()?,
-            config,
-            scene: header.scene,
-            quality: header.quality,
-            seed: header.seed,
-            finished: header.finished,
-        })
-    }
-
-    fn encoder(&self) -> Result<Option<StyleVae>, String> {
-        let stored = self.tensors.tensor(ENCODER).ok();
-        let read = stored.map(|tensor| StyleVae::from_bytes(ENCODER, tensor.data()));
-        read.transpose()
-            .map_err(|e| format!("holds a damaged encoder ({e})"))
-    }
-
-    fn style(&self, field: &Field, config: &TrainConfig) -> Result<Option<StyleModel>, String> {
-        if self.tensors.tensor("inner.hypernetwork.0").is_err() {
-            return Ok(None);
-        }
-        let hyper = hypernetworks(field, config);
-        let weights = |level: &str, i: usize| -> Result<HypernetworkWeights, String> {
-            let lengths = hyper[i].lengths().into_iter().enumerate();
-            let name = |l: usize| format!("{level}{}.hypernetwork.{l}", VOLUMES[i]);
-            let layers = lengths.map(|(l, length)| self.floats(&name(l), length));
-            Ok(HypernetworkWeights(layers.collect::<Result<_, _>>()?))
-        };
-        let names = match config.field.cascade {
-            Some(_) => &[COARSE, ""][..],
-            None => &[""],
-        };
-        let levels = names
-            .iter()
-            .map(|level| Ok([weights(level, 0)?, weights(level, 1)?]));
-        let canvas = match config
-            .style_app
-            .canvas
-            .as_ref()
-            .and_then(impasto_field::EncodingConfig::hash_grid)
-        {
-            Some(spec) => Some(Canvas {
-                inner: self.floats("inner.canvas", spec.params())?,
-                outer: self.floats("outer.canvas", spec.params())?,
-            }),
-            None => None,
-        };
-        Ok(Some(StyleModel {
-            levels: levels.collect::<Result<_, String>>()?,
-            hyper,
-            canvas,
-        }))
-    }
+fn read(reader: TensorReader<'_>, header: Header) -> Result<ModelFile, String> {
+    let config = header.config;
+    config.validate().map_err(|e| e.to_string())?;
+    let field = Field::new(config.field.clone());
+    let like = RadianceField::zeros(&field, config.photo_appearance(), reader.device);
+    let grids = match config.field.occupancy() {
+        Some(_) => Some(OccupancyGrids::new(reader.grid(GRIDS[0])?, reader.grid(GRIDS[1])?)),
+        None => None,
+    };
+    let style = if reader.has("inner.hypernetwork.0") {
+        let like = StyleModel::zeros(&field, &config, reader.device);
+        Some(reader.parameters(&like)?)
+    } else {
+        None
+    };
+    let stored = reader.tensors.tensor(ENCODER).ok();
+    let encoder = stored.map(|tensor| StyleVae::from_bytes(ENCODER, tensor.data()));
+    let encoder = encoder.transpose().map_err(|e| format!("holds a damaged encoder ({e})"))?;
+    Ok(ModelFile {
+        radiance: reader.parameters(&like)?,
+        grids,
+        style,
+        encoder,
+        config,
+        scene: header.scene,
+        quality: header.quality,
+        seed: header.seed,
+        finished: header.finished,
+    })
 }

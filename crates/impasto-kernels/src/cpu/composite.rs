@@ -81,7 +81,8 @@ impl CompositeLayout {
         ranges
     }
 
-    fn samples(span: &RaySpan) -> impl DoubleEndedIterator<Item = usize> + use<> {
+    /// Samples of a ray, near to far.
+    pub fn samples(span: &RaySpan) -> impl DoubleEndedIterator<Item = usize> + use<> {
         span.inner.clone().chain(span.outer.clone())
     }
 }

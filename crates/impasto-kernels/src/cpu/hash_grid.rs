@@ -2,6 +2,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::mem::MaybeUninit;
 
 /// Corners of a cell.
@@ -17,7 +18,8 @@ const ROUND: f32 = 12_582_912.0;
 const PRIMES: [u32; 3] = [1, 2_654_435_761, 805_459_861];
 
 /// Sizes of a hash grid. The table is laid out `[level][entry][feature]`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct HashGridSpec {
     /// Number of resolutions.
     pub levels: usize,

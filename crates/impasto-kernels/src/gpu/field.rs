@@ -8,9 +8,9 @@
 use super::composite::{self, Layout};
 use super::density_grid::{self, Cells};
 use super::launch::{Rows, Uploaded, empty, from_slice, from_u32, whole};
-use super::march::{self, MarchSpec, Marched};
+use super::march::{self, Marched};
 use super::{hash_grid, merge, mlp, radiance};
-use crate::{CompositeLayout, DensityGrid, HashGridSpec, Volume, VolumeSpec};
+use crate::{CompositeLayout, DensityGrid, HashGridSpec, OccupancySpec, Volume, VolumeSpec};
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{Device, Int, Slice, Tensor};
 use burn_cubecl::CubeBackend;
@@ -120,17 +120,18 @@ impl DensityGrids {
         })
     }
 
-    /// Places samples along rays where the grids expect their light.
+    /// Places samples along rays where the grids expect their light, as
+    /// [`crate::sampling::least_weight`] says.
     ///
     /// # Panics
     /// If there are no rays.
-    pub fn march(&self, rays: &Rays, spec: &MarchSpec) -> RaySamples {
+    pub fn march(&self, rays: &Rays, spec: &OccupancySpec, least_weight: f32) -> RaySamples {
         let [inner, outer] = &self.cells;
         let count = rays.0.len() / march::RAY;
         let rays = from_slice(&inner.levels, rays.0.clone(), [count, march::RAY]);
         let levels = [&inner.levels, &outer.levels];
         RaySamples {
-            marched: march::march(&rays, levels, [inner.side, outer.side], spec),
+            marched: march::march(&rays, levels, [inner.side, outer.side], spec, least_weight),
             rays,
         }
     }

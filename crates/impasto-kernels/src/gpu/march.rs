@@ -4,6 +4,7 @@
 
 use super::launch::{UNITS, argument, cube, cubes_for, empty, empty_u32, is_finite};
 use crate::cpu::density_grid::DensityGrid;
+use crate::sampling::{LEAST_LIGHT, OccupancySpec};
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
 
@@ -12,27 +13,8 @@ use burn_cubecl::tensor::CubeTensor;
 pub(crate) const RAY: usize = 8;
 /// Most looks at the inner density grid along a ray.
 const MOST_STEPS: f32 = 2e4;
-/// Light that is too little for what it meets to matter.
-const DARK: f32 = 1e-4;
 /// The step of the last outer sample, which everything infinitely far belongs to.
 const LAST_STEP: f32 = 1e10;
-
-/// Where samples are taken.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MarchSpec {
-    /// Samples a ray, in both volumes together.
-    pub samples: usize,
-    /// Weight of spreading them evenly, where sending them to expected light has weight 1.
-    pub uniform_fraction: f32,
-    /// Distance between two looks at the inner grid.
-    pub inner_step: f32,
-    /// Looks at the outer grid, equal steps of inverse radius.
-    pub outer_steps: usize,
-    /// Depth before which nothing is sampled.
-    pub near: f32,
-    /// Weight that a sample must be expected to have, or else it counts for nothing; −1 to count all.
-    pub least_weight: f32,
-}
 
 /// A specification that kernels can be compiled for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -47,12 +29,12 @@ struct Shape {
 }
 
 impl Shape {
-    fn of(spec: &MarchSpec, sides: [usize; 2]) -> Self {
+    fn of(spec: &OccupancySpec, sides: [usize; 2], least_weight: f32) -> Self {
         Self {
             near: spec.near.to_bits(),
             inner_step: spec.inner_step.to_bits(),
             uniform_fraction: spec.uniform_fraction.to_bits(),
-            least_weight: spec.least_weight.to_bits(),
+            least_weight: least_weight.to_bits(),
             outer_steps: spec.outer_steps,
             samples: spec.samples.max(1),
             sides,
@@ -78,7 +60,7 @@ impl Shape {
 }
 
 /// Share of light that a step of each level lets pass, of both volumes' steps.
-fn table(spec: &MarchSpec) -> Vec<f32> {
+fn table(spec: &OccupancySpec) -> Vec<f32> {
     let steps = [spec.inner_step, 1.0 / spec.outer_steps as f32];
     let passed =
         |step: f32| (0..=255u8).map(move |level| (-DensityGrid::density_of(level) * step).exp());
@@ -234,7 +216,7 @@ fn weight(
     );
     let level = levels[x + side * (y + side * z)] as usize;
     let mut taken = reaching * (1.0 - table[from_table + level]);
-    taken = select(reaching < DARK, 0.0f32, taken);
+    taken = select(reaching < LEAST_LIGHT, 0.0f32, taken);
     if outer {
         taken = select(i + 1 == comptime!(shape.outer_steps), reaching, taken);
     }
@@ -514,7 +496,8 @@ pub(crate) struct Marched {
     pub(crate) bounds: CubeTensor,
 }
 
-/// Samples of rays, `[rays, RAY]`, by the levels of both volumes' grids.
+/// Samples of rays, `[rays, RAY]`, by the levels of both volumes' grids; those that are expected to
+/// have a smaller weight than `least_weight` count for nothing.
 ///
 /// # Panics
 /// If there are no rays.
@@ -522,11 +505,12 @@ pub(crate) fn march(
     rays: &CubeTensor,
     levels: [&CubeTensor; 2],
     sides: [usize; 2],
-    spec: &MarchSpec,
+    spec: &OccupancySpec,
+    least_weight: f32,
 ) -> Marched {
     let count = rays.meta.shape()[0];
     assert!(count > 0, "rays to march");
-    let shape = Shape::of(spec, sides);
+    let shape = Shape::of(spec, sides, least_weight);
     let n = count * shape.samples;
     let table = super::launch::Uploaded::f32(rays, &table(spec));
     let (counts, masses) = (empty_u32(rays, count), empty(rays, [count, 2]));

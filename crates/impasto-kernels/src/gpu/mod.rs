@@ -21,4 +21,3 @@ pub use field::{
     DensityGrids, Descent, FieldSamples, FieldSpec, MergedSamples, RaySamples, Rays, SamplesRead,
     Targets, descend, evaluate, surface_layout,
 };
-pub use march::MarchSpec;

@@ -1,69 +1,56 @@
 //! The presets.
 
-use super::checks::MOST_PATCH_RAYS;
-use super::{ContentTarget, GeometryConfig, PictureConfig, StyleConfig, TrainConfig};
-use crate::styles::STYLE_SIDE;
+use crate::config::{ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, StyleConfig, TrainConfig};
+use crate::embedding::STYLE_SIDE;
 use impasto_field::{
-    AppearanceConfig, CascadeConfig, DensityActivation, EncodingConfig, FieldConfig,
-    SamplingConfig, Shading, VolumeConfig,
+    AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig, Shading,
+    VolumeConfig,
 };
+use impasto_kernels::{Density, HashGridSpec, OccupancySpec};
 use impasto_style::{Network, PatchStrides, StyleReduction};
 
 impl TrainConfig {
     /// The default preset: hash grids, small networks, and paint that two views agree on.
     pub fn fast() -> Self {
-        let grid = |log2_entries, finest| EncodingConfig::HashGrid {
+        let grid = |log2_entries, finest| EncodingConfig::HashGrid(HashGridSpec {
             levels: 8,
             features: 4,
             log2_entries,
             coarsest: 16.0,
             finest,
-        };
+        });
         let volume = |encoding| VolumeConfig {
             encoding,
             base: vec![64, 32],
             geo: vec![],
-            latent: None,
-            density: DensityActivation::Exp,
+            density: Density::Exp,
         };
         Self {
             field: FieldConfig {
                 inner: volume(grid(16, 1024.0)),
                 outer: volume(grid(16, 1024.0)),
-                sampling: SamplingConfig {
+                latent: None,
+                sampling: SamplingConfig::Occupancy(OccupancySpec {
                     samples: 32,
-                    explore: 0.8,
+                    uniform_fraction: 0.8,
                     inner_step: 0.02,
                     outer_steps: 96,
                     inner_grid: 96,
                     outer_grid: 96,
                     near: 0.05,
-                },
-                cascade: None,
+                }),
             },
-            photo_app: AppearanceConfig {
+            photo_app: AppConfig {
                 hidden: vec![32, 32],
                 layer_norm: false,
                 view_bands: Some(2),
-                canvas: None,
-                shading: Shading::Samples,
                 remap: false,
-                latent: None,
             },
-            style_app: AppearanceConfig {
+            style_app: AppConfig {
                 hidden: vec![96, 96],
                 layer_norm: true,
-                view_bands: Some(2),
-                canvas: Some(EncodingConfig::HashGrid {
-                    levels: 5,
-                    features: 4,
-                    log2_entries: 16,
-                    coarsest: 24.0,
-                    finest: 256.0,
-                }),
-                shading: Shading::Surface,
+                view_bands: None,
                 remap: false,
-                latent: None,
             },
             geometry: GeometryConfig {
                 samples: 30_000,
@@ -78,21 +65,29 @@ impl TrainConfig {
                 grid_every: 16,
             },
             style: StyleConfig {
+                shading: Shading::Surface {
+                    canvas: Some(HashGridSpec {
+                        levels: 5,
+                        features: 4,
+                        log2_entries: 16,
+                        coarsest: 24.0,
+                        finest: 256.0,
+                    }),
+                },
                 perceptual: Network::Vgg16,
                 style_weight: 1.0,
-                weigh_paintings: true,
+                normalize_style_loss: true,
                 style_reduction: StyleReduction::Layers,
-                style_warmup: 0,
+                style_loss_start: 0,
                 content_weight: 1.0,
                 content_target: ContentTarget::Render,
-                view_dependent_style: false,
                 photo_weight: 0.0,
-                roughness_weight: 300.0,
+                smoothness_weight: 300.0,
                 palette_share: 0.12,
                 palette_rate: 1e-3,
                 rate: 1e-3,
                 canvas_rate: 1e-2,
-                warm_up: 200,
+                lr_warmup_steps: 200,
                 final_rate: 0.1,
                 patch: [67, 81],
                 strides: PatchStrides::Scale([0.8, 1.4]),
@@ -107,10 +102,10 @@ impl TrainConfig {
                 weigh_codes: true,
                 // Chosen on paintings of the training set: style gain hardly changes between 1.25
                 // and 2.5, while more of them can be told apart the larger it is.
-                emphasis: 2.0,
+                style_extrapolation: 2.0,
                 // All the way lowers the style gain: the place has a say in where light and dark
                 // are.
-                palette_trust: 0.7,
+                color_transfer_strength: 0.7,
                 pictures: PictureConfig {
                     side: STYLE_SIDE,
                     least_crop: 0.5,
@@ -133,36 +128,29 @@ impl TrainConfig {
         let volume = VolumeConfig {
             encoding: EncodingConfig::Frequency { bands: 10 },
             base: vec![128; 5],
-            latent: Some(64),
             geo: vec![64],
-            density: DensityActivation::Abs,
+            density: Density::Abs,
         };
-        let app = AppearanceConfig {
+        let app = AppConfig {
             hidden: vec![128, 128, 64],
             layer_norm: false,
             view_bands: Some(4),
-            canvas: None,
-            shading: Shading::Samples,
             remap: true,
-            latent: Some(64),
         };
         let patch = [67, 81];
         Self {
             field: FieldConfig {
                 inner: volume.clone(),
                 outer: volume,
-                sampling: SamplingConfig {
-                    near: 1e-4,
-                    ..fast.field.sampling
-                },
-                cascade: Some(CascadeConfig {
+                latent: Some(64),
+                sampling: SamplingConfig::Hierarchical(HierarchicalConfig {
                     first: 64,
                     more: 128,
+                    near: 1e-4,
                 }),
             },
-            style_app: AppearanceConfig {
+            style_app: AppConfig {
                 layer_norm: true,
-                latent: None,
                 ..app.clone()
             },
             photo_app: app,
@@ -178,17 +166,17 @@ impl TrainConfig {
                 ..fast.geometry
             },
             style: StyleConfig {
+                shading: Shading::Samples,
                 style_weight: 15.0,
-                weigh_paintings: false,
+                normalize_style_loss: false,
                 style_reduction: StyleReduction::Concatenated,
-                style_warmup: 2000,
+                style_loss_start: 2000,
                 content_target: ContentTarget::Photo,
                 photo_weight: 1.0,
-                roughness_weight: 0.0,
-                view_dependent_style: true,
+                smoothness_weight: 0.0,
                 palette_share: 0.0,
                 rate: 1e-3,
-                warm_up: 0,
+                lr_warmup_steps: 0,
                 final_rate: 1.0,
                 patch,
                 strides: PatchStrides::Paper([2, 3]),
@@ -200,8 +188,8 @@ impl TrainConfig {
                 rays_at_once: 256,
                 hyper_width: 64,
                 weigh_codes: false,
-                emphasis: 1.0,
-                palette_trust: 0.0,
+                style_extrapolation: 1.0,
+                color_transfer_strength: 0.0,
                 pictures: PictureConfig {
                     side: 256,
                     // 53 % of the area.

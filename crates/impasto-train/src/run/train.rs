@@ -20,29 +20,6 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Which stages to run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Stages {
-    /// Both.
-    All,
-    /// Photos → field only.
-    Geometry,
-    /// Paintings → hypernetwork only, on the model that the output folder holds.
-    Style,
-}
-
-impl Stages {
-    /// As the command line calls it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::All => "all",
-            Self::Geometry => "geometry",
-            Self::Style => "style",
-        }
-    }
-}
-
 /// What to train, on what, for how long.
 #[derive(Debug, Clone)]
 pub struct TrainOptions {

@@ -9,16 +9,18 @@ use super::math::exp;
 use super::mlp::{MlpSpec, Packed};
 use pulp::Arch;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
 use tile::Piece;
 
 /// How the last number of `geo` becomes a density.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Density {
     /// `e^x`, with x limited to ±15.
     Exp,
-    /// `|x|`.
+    /// `|x|`, the paper's.
     Abs,
 }
 

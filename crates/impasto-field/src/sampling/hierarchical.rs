@@ -1,8 +1,10 @@
 //! The paper's cascade (PAPER §3): samples spread evenly, then more of them where a first field of
 //! its own found light.
 
-use super::{CHUNK, LAST_STEP, Part, RayBatch, Samples, join, push_step};
-use crate::config::CascadeConfig;
+use crate::config::HierarchicalConfig;
+use crate::rays::RayBatch;
+use crate::sampling::pack::{CHUNK, LAST_STEP, Part, Step, join};
+use crate::sampling::samples::Samples;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
 use impasto_kernels::cpu::composite;
 use impasto_kernels::{CompositeLayout, RaySpan};
@@ -20,14 +22,10 @@ struct Places {
     outer: Vec<f32>,
 }
 
-/// `config.first` samples in either volume, evenly spread from `near` to the sphere and from there
+/// `config.first` samples in either volume, evenly spread from `config.near` to the sphere and from there
 /// to infinity; with a `seed`, each at a random place between its neighbours' midpoints.
-pub(crate) fn first(
-    rays: &RayBatch,
-    config: &CascadeConfig,
-    near: f32,
-    seed: Option<u64>,
-) -> Samples {
+pub(crate) fn first(rays: &RayBatch, config: &HierarchicalConfig, seed: Option<u64>) -> Samples {
+    let near = config.near;
     samples(rays, |ray| {
         let mut rng = seed.map(|seed| ray_rng(seed, ray));
         let far = exit(rays.origins[ray], rays.directions[ray]).filter(|far| *far > near);
@@ -40,7 +38,7 @@ pub(crate) fn first(
     })
 }
 
-/// The first samples and `config.more` new ones in either volume, placed by the contributions that
+/// The first samples and `config.more` new ones in either volume, placed by the weights that
 /// the first have within their volume; with a `seed` at random, else evenly in their distribution.
 ///
 /// `densities`: one per sample of `first`.
@@ -48,11 +46,11 @@ pub(crate) fn refined(
     rays: &RayBatch,
     first: &Samples,
     densities: &[f32],
-    config: &CascadeConfig,
+    config: &HierarchicalConfig,
     seed: Option<u64>,
 ) -> Samples {
     let split = first.inner.len();
-    let weights = contributions(&first.layout, densities);
+    let weights = weights_within(&first.layout, densities);
     samples(rays, |ray| {
         let span = &first.layout.rays[ray];
         let mut rng = seed.map(|seed| ray_rng(!seed, ray));
@@ -139,8 +137,8 @@ fn spread([from, to]: [f32; 2], count: usize, rng: Option<&mut Pcg64>) -> Vec<f3
         .collect()
 }
 
-/// Contribution of each sample as if its volume were all there is.
-fn contributions(layout: &CompositeLayout, densities: &[f32]) -> Vec<f32> {
+/// Weight of each sample as if its volume were all there is.
+fn weights_within(layout: &CompositeLayout, densities: &[f32]) -> Vec<f32> {
     let volumes = layout
         .rays
         .iter()
@@ -174,24 +172,32 @@ fn samples(rays: &RayBatch, places: impl Fn(usize) -> Places + Sync) -> Samples 
             part
         })
         .collect();
-    join(parts)
+    join(parts, rays)
 }
 
 fn place(origin: [f32; 3], direction: [f32; 3], places: &Places, part: &mut Part) {
     let length = dot(direction, direction).sqrt();
-    let view = direction.map(|c| c / length);
     let far = exit(origin, direction).unwrap_or(0.0);
     for (i, t) in places.inner.iter().enumerate() {
         let point = [0, 1, 2].map(|axis| origin[axis] + t * direction[axis]);
-        part.inner.push(&point, inner_cube(point), view);
         let next = places.inner.get(i + 1).copied().unwrap_or(far);
-        push_step(&mut part.inner_steps, (next - t) * length, *t, length);
+        let step = Step {
+            cube: inner_cube(point),
+            delta: (next - t) * length,
+            depth: *t,
+            length,
+        };
+        part.inner.push(&point, &step);
     }
     for (i, s) in places.outer.iter().enumerate() {
         let (point, depth) = outer_point(origin, direction, *s);
-        part.outer.push(&point, outer_cube(point), view);
-        let delta = places.outer.get(i + 1).map_or(LAST_STEP, |next| s - next);
-        push_step(&mut part.outer_steps, delta, depth, length);
+        let step = Step {
+            cube: outer_cube(point),
+            delta: places.outer.get(i + 1).map_or(LAST_STEP, |next| s - next),
+            depth,
+            length,
+        };
+        part.outer.push(&point, &step);
     }
     part.counts.push([places.inner.len(), places.outer.len()]);
 }

@@ -1,34 +1,30 @@
 //! What light a density grid expects along a ray.
 
 use impasto_kernels::DensityGrid;
-
-/// Share of a ray's light that is not worth looking for.
-pub(crate) const LEAST_LIGHT: f32 = 1e-4;
-/// Less than any share, for those who look for all of it.
-pub(crate) const ANY: f32 = -1.0;
+use impasto_kernels::sampling::LEAST_LIGHT;
 
 /// What a grid says of one step, by level.
 pub(super) struct Table {
-    /// Share of light that passes.
-    passed: [f32; 256],
+    /// Transmittance of a step.
+    transmittance: [f32; 256],
 }
 
 impl Table {
     pub(super) fn new(step: f32) -> Self {
-        let passed = |level| (-DensityGrid::density_of(level as u8) * step).exp();
+        let transmittance = |level| (-DensityGrid::density_of(level as u8) * step).exp();
         Self {
-            passed: std::array::from_fn(passed),
+            transmittance: std::array::from_fn(transmittance),
         }
     }
 }
 
 /// How much light each step along one volume's part of a ray is expected to give.
 #[derive(Default)]
-pub(super) struct Guide {
-    /// Where the grid is looked at, in the unit cube, axis by axis.
+pub(super) struct ExpectedWeights {
+    /// Where the grid is queried, in the unit cube, axis by axis.
     points: [Vec<f32>; 3],
     levels: Vec<u8>,
-    pub(super) light: Vec<f32>,
+    pub(super) weights: Vec<f32>,
     /// Light up to and including each step, widened, evenly spread samples included.
     sums: Vec<f32>,
     /// What is spread evenly, a step.
@@ -37,26 +33,27 @@ pub(super) struct Guide {
     parts: Vec<[f32; 2]>,
 }
 
-impl Guide {
-    /// Looks at the grid at `count` points, given by their number, with `transmittance` before the
+impl ExpectedWeights {
+    /// Queries the grid at `count` points, given by their number, with `transmittance` before the
     /// first; returns what is left.
     #[inline(always)]
-    pub(super) fn look(
+    pub(super) fn query(
         &mut self,
         count: usize,
         mut transmittance: f32,
-        (grid, table): (&DensityGrid, &Table),
+        volume: (&DensityGrid, &Table),
         point: impl Fn(f32) -> [f32; 3],
     ) -> f32 {
+        let (grid, table) = volume;
         self.points.iter_mut().for_each(|p| p.resize(count, 0.0));
         let [xs, ys, zs] = &mut self.points;
         for (i, ((x, y), z)) in xs.iter_mut().zip(ys).zip(zs).enumerate() {
             [*x, *y, *z] = point(i as i32 as f32);
         }
         grid.levels_at(&self.points, &mut self.levels);
-        self.look_away(count, transmittance);
-        for (light, level) in self.light.iter_mut().zip(&self.levels) {
-            let after = transmittance * table.passed[usize::from(*level)];
+        self.skip(count, transmittance);
+        for (light, level) in self.weights.iter_mut().zip(&self.levels) {
+            let after = transmittance * table.transmittance[usize::from(*level)];
             *light = transmittance - after;
             transmittance = after;
             if after < LEAST_LIGHT {
@@ -66,10 +63,10 @@ impl Guide {
         transmittance
     }
 
-    /// Looks at nothing: `count` steps that take no light; returns what is left, all of it.
-    pub(super) fn look_away(&mut self, count: usize, transmittance: f32) -> f32 {
-        self.light.clear();
-        self.light.resize(count, 0.0);
+    /// Queries nothing: `count` steps that take no light; returns what is left, all of it.
+    pub(super) fn skip(&mut self, count: usize, transmittance: f32) -> f32 {
+        self.weights.clear();
+        self.weights.resize(count, 0.0);
         transmittance
     }
 
@@ -77,7 +74,7 @@ impl Guide {
     /// spread evenly, and returns the sum.
     #[inline(always)]
     pub(super) fn sum(&mut self, even: f32) -> f32 {
-        let count = self.light.len();
+        let count = self.weights.len();
         self.even = even / count.max(1) as f32;
         self.sums.clear();
         self.sums.resize(count, 0.0);
@@ -85,7 +82,7 @@ impl Guide {
             return 0.0;
         };
         let more = |a: f32, b: f32| if a > b { a } else { b };
-        let light = &self.light;
+        let light = &self.weights;
         let inside = self.sums.iter_mut().skip(1).zip(light.windows(3));
         for (sum, window) in inside {
             *sum = 0.5 * (more(window[1], window[0]) + more(window[1], window[2]));

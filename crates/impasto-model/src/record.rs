@@ -1,82 +1,82 @@
-//! What a run must have in common with the one that it continues.
+//! What a model notes of the run that made it.
 
-use crate::TrainError;
+use crate::budget::Budget;
 use crate::config::TrainConfig;
-use crate::hash::Hash;
-use crate::style_folder::StyleFolder;
-use crate::train::{Stages, TrainOptions};
-use impasto_scene::{Photo, Scene};
-use impasto_style::StyleVae;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::borrow::Cow;
+
+/// Which stages to run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stages {
+    /// Both.
+    All,
+    /// Photos → field only.
+    Geometry,
+    /// Paintings → hypernetwork only, on the model that the output folder holds.
+    Style,
+}
+
+impl Stages {
+    /// As the command line calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::All => "all",
+            Self::Geometry => "geometry",
+            Self::Style => "style",
+        }
+    }
+}
 
 /// Everything that decides what a run makes, but its length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Identity {
-    stages: Stages,
-    seed: u64,
-    downscale: u32,
-    config: TrainConfig,
-    /// Of the encoder's file, where it is not the shipped one.
-    encoder: Option<u64>,
-    photos: Vec<PhotoMark>,
-    /// Of names and sizes of the paintings' files.
-    paintings: Option<u64>,
+pub struct RunIdentity {
+    /// Stages.
+    pub stages: Stages,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Photos are shrunk this many times.
+    pub downscale: u32,
+    /// Sizes and rates.
+    pub config: TrainConfig,
+    /// Hash of the encoder's file, where it is not the shipped one.
+    pub encoder: Option<u64>,
+    /// All photos.
+    pub photos: Vec<PhotoMark>,
+    /// Hash of names and sizes of the paintings' files.
+    pub paintings: Option<u64>,
 }
 
+/// A photo of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct PhotoMark {
-    name: String,
-    /// Of its camera, split, mask, and the pixels that the mask shows.
-    hash: u64,
+pub struct PhotoMark {
+    /// Its name.
+    pub name: String,
+    /// Hash of its camera, split, mask, and the pixels that the mask shows.
+    pub hash: u64,
 }
 
-impl PhotoMark {
-    fn of(photo: &Photo) -> Self {
-        let camera = serde_json::to_string(&photo.camera).unwrap_or_default();
-        let mask = photo.mask.iter().flatten();
-        let mask: Vec<u8> = mask.map(|shown| u8::from(*shown)).collect();
-        let mut pixels = Cow::Borrowed(photo.pixels.as_raw());
-        if !mask.is_empty() {
-            let hidden = pixels.to_mut().chunks_exact_mut(3).zip(&mask);
-            let hidden = hidden.filter(|(_, shown)| **shown == 0);
-            hidden.for_each(|(pixel, _)| pixel.fill(0));
-        }
-        let hash = Hash::of(&photo.name)
-            .with_words(&pixels)
-            .with_words(&mask)
-            .and(&camera)
-            .and(&format!("{:?}", photo.split));
-        Self {
-            name: photo.name.clone(),
-            hash: hash.0,
-        }
-    }
+/// The run that made a model, once it is over.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrainingRecord {
+    /// What decided its result.
+    pub identity: Identity,
+    /// Length that was asked for.
+    pub budget: Budget,
+    /// Steps of the geometry stage.
+    pub geometry_steps: u64,
+    /// Steps of the style stage.
+    pub style_steps: u64,
+    /// Files in the style folder, less those that are known to be no pictures.
+    pub paintings: usize,
+    /// Files in the style folder that the style stage found to be no pictures.
+    pub unreadable_paintings: usize,
 }
 
-impl Identity {
-    pub(crate) fn of(
-        options: &TrainOptions,
-        scene: &Scene,
-        paintings: Option<&StyleFolder>,
-        encoder: Option<&StyleVae>,
-    ) -> Result<Self, TrainError> {
-        let encoder = encoder.map(StyleVae::to_bytes).transpose()?;
-        Ok(Self {
-            stages: options.stages,
-            seed: options.seed,
-            downscale: options.downscale,
-            config: options.config.clone(),
-            encoder: encoder.map(|bytes| Hash::of_bytes(&bytes).0),
-            photos: scene.photos.iter().map(PhotoMark::of).collect(),
-            paintings: paintings.map(StyleFolder::identity),
-        })
-    }
-
+impl RunIdentity {
     /// The first thing in which `other` differs so that it cannot continue this, as the end of a
     /// sentence about this run.
-    pub(crate) fn difference(&self, other: &Self) -> Option<String> {
+    pub fn difference(&self, other: &Self) -> Option<String> {
         if self.stages != other.stages {
             return Some(format!(
                 "has --stage {}, not {}",
@@ -118,7 +118,7 @@ impl Identity {
     }
 
     /// Whether the same files are in the folder of paintings.
-    pub(crate) fn same_paintings(&self, other: &Self) -> bool {
+    pub fn same_paintings(&self, other: &Self) -> bool {
         self.paintings == other.paintings
     }
 }
@@ -150,12 +150,12 @@ fn first_difference(a: &Value, b: &Value, path: String) -> Option<(String, Value
 mod tests {
     use super::*;
 
-    fn identity(change: impl Fn(&mut Identity)) -> Identity {
+    fn identity(change: impl Fn(&mut RunIdentity)) -> RunIdentity {
         let mark = |name: &str| PhotoMark {
             name: name.into(),
             hash: 7,
         };
-        let mut identity = Identity {
+        let mut identity = RunIdentity {
             stages: Stages::All,
             seed: 3,
             downscale: 2,
@@ -171,12 +171,12 @@ mod tests {
     #[test]
     fn a_difference_is_named() {
         let ours = identity(|_| ());
-        let said = |change: fn(&mut Identity)| ours.difference(&identity(change));
+        let said = |change: fn(&mut RunIdentity)| ours.difference(&identity(change));
         assert_eq!(said(|_| ()), None);
         assert_eq!(said(|i| i.paintings = Some(1)), None);
         for (change, wanted) in [
             (
-                (|i| i.stages = Stages::Style) as fn(&mut Identity),
+                (|i| i.stages = Stages::Style) as fn(&mut RunIdentity),
                 "has --stage all, not style",
             ),
             (|i| i.seed = 4, "has --seed 3, not 4"),

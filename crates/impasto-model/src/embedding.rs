@@ -1,0 +1,77 @@
+//! What a painting becomes: statistics of its middle square, a style code, colour statistics.
+
+use crate::color::ColorStatistics;
+use image::RgbImage;
+use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, picture, square_crop};
+
+/// Side of the square pictures that style is judged on.
+pub const STYLE_SIDE: u32 = 160;
+
+/// A painting as models take it in.
+#[derive(Debug, Clone)]
+pub struct StyleEmbedding {
+    /// The painting's style code.
+    pub code: StyleCode,
+    /// The painting's colours.
+    pub colors: ColorStatistics,
+}
+
+impl StyleEmbedding {
+    /// Between several paintings: the weighted mean; weights need not sum to one. `None` if their
+    /// sum is not positive.
+    pub fn mix(all: &[(Self, f32)]) -> Option<Self> {
+        let codes: Vec<_> = all.iter().map(|(e, w)| (e.code.clone(), *w)).collect();
+        let code = StyleCode::mix(&codes)?;
+        let mut weighed = all.iter().filter(|(_, weight)| *weight > 0.0);
+        let (first, weight) = weighed.next()?;
+        let (colors, _) = weighed.fold((first.colors, *weight), |(colors, sum), (e, weight)| {
+            let sum = sum + weight;
+            (colors.mixed(&e.colors, weight / sum), sum)
+        });
+        Some(Self { code, colors })
+    }
+}
+
+/// Statistics of what stands for a painting whenever it is not training: its middle square, at
+/// `side` pixels.
+///
+/// # Errors
+/// Never for pictures of at least 1×1 pixel.
+pub fn painting_statistics(
+    vgg: &Perceptual,
+    painting: &RgbImage,
+    side: u32,
+) -> Result<Statistics, StyleError> {
+    square_statistics(vgg, &square_crop(painting, 1.0, (0.5, 0.5), side))
+}
+
+/// Statistics of a square picture.
+///
+/// # Errors
+/// Never for pictures of at least 1×1 pixel.
+pub fn square_statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleError> {
+    let side = square.width() as usize;
+    Ok(vgg.features(&picture(square), side, side)?.statistics)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mixed_embeddings_lie_between_by_weight() {
+        let one = |number: f32| StyleEmbedding {
+            code: StyleCode(vec![number; StyleCode::LEN]),
+            colors: ColorStatistics::of([number; 6].chunks_exact(3)),
+        };
+        let weighed = [(one(0.0), 1.0), (one(0.4), 2.0), (one(0.8), 1.0)];
+        let mix = StyleEmbedding::mix(&weighed).map(|mix| (mix.code.0[3], mix.colors));
+        let wanted = ColorStatistics::of([0.4f32; 6].chunks_exact(3));
+        assert!(mix.is_some_and(|(code, colors)| {
+            let pixels = colors.transfer_to(&wanted).apply(&[0.4, 0.4, 0.4]);
+            (code - 0.4).abs() < 1e-6 && pixels.iter().all(|p| (p - 0.4).abs() < 1e-5)
+        }));
+        assert!(StyleEmbedding::mix(&[(one(0.1), 0.0)]).is_none());
+        assert!(StyleEmbedding::mix(&[]).is_none());
+    }
+}
