@@ -55,8 +55,8 @@ pub struct GBufferOptions<'a> {
     pub seed: Option<u64>,
     /// Samples with less weight are left out, where samples are shaded.
     pub least_weight: f32,
-    /// About how many rays one G-buffer holds.
-    pub rays_at_once: usize,
+    /// About how many rays one G-buffer holds; else as many as the device handles at a time.
+    pub rays_at_once: Option<usize>,
 }
 
 /// Rays whose geometry is known and kept, so that any number of paints cost little more than `app`.
@@ -299,7 +299,7 @@ impl Job for Buffer<'_> {
             least_weight: options.least_weight,
         };
         let shader = options.photo.map(|photo| backend.shader(photo));
-        let most = options.rays_at_once;
+        let most = options.rays_at_once.unwrap_or(usize::MAX);
         let parts = in_chunks(backend, self.rays, most, |chunk, rays| {
             let seed = options.seed.map(|seed| seed.wrapping_add(chunk as u64));
             let samples = backend.sample(&rays, seed);
@@ -312,7 +312,7 @@ impl Job for Buffer<'_> {
             let buffers = levels.iter().map(|level| backend.accumulate(level, spec));
             (buffers.collect::<Vec<_>>(), photo, depth)
         });
-        let together = (most / backend.rays_together(most)).max(1);
+        let together = options.rays_at_once.map_or(1, |most| most / backend.rays_together(most));
         let (mut levels, mut photo, mut depth) = (Vec::<Vec<GBuffer>>::new(), Vec::new(), Vec::new());
         for (buffers, own, own_depth) in parts {
             levels.resize_with(buffers.len(), Vec::new);
@@ -326,7 +326,7 @@ impl Job for Buffer<'_> {
             let mut parts = level.into_iter().peekable();
             let mut joined = Vec::new();
             while parts.peek().is_some() {
-                joined.extend(GBuffer::join(parts.by_ref().take(together).collect()));
+                joined.extend(GBuffer::join(parts.by_ref().take(together.max(1)).collect()));
             }
             joined
         };

@@ -22,55 +22,24 @@ impl Budget {
     }
 }
 
-/// When to look at what a GPU has computed: seldom, since that waits for all of it, and often enough
-/// that a budget in seconds holds, since the host runs ahead.
-#[derive(Debug)]
-pub(crate) struct Looks {
-    steps: u64,
-    last: Instant,
-}
-
-impl Looks {
-    /// Most steps, and the longest time, between two looks.
-    const EVERY: (u64, Duration) = (16, Duration::from_millis(250));
-
-    pub(crate) fn new() -> Self {
-        Self {
-            steps: 0,
-            last: Instant::now(),
-        }
-    }
-
-    /// Counts a step; whether it is one to look at: the first one is.
-    pub(crate) fn due(&mut self) -> bool {
-        let due = self.steps.is_multiple_of(Self::EVERY.0) || self.last.elapsed() > Self::EVERY.1;
-        self.steps = if due { 1 } else { self.steps + 1 };
-        due
-    }
-
-    /// A look is over.
-    pub(crate) fn done(&mut self) {
-        self.last = Instant::now();
-    }
-}
-
 /// Time that something takes, in several parts.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Stopwatch {
+pub struct Stopwatch {
     earlier: Duration,
     since: Instant,
 }
 
 impl Stopwatch {
     /// Goes on now, after parts that took this long.
-    pub(crate) fn after(earlier: Duration) -> Self {
+    pub fn after(earlier: Duration) -> Self {
         Self {
             earlier,
             since: Instant::now(),
         }
     }
 
-    pub(crate) fn elapsed(&self) -> Duration {
+    /// Time so far, all parts together.
+    pub fn elapsed(&self) -> Duration {
         self.earlier + self.since.elapsed()
     }
 }
@@ -91,7 +60,7 @@ impl Clock {
     }
 
     /// Goes on now, after steps that took this long.
-    pub(crate) fn resumed(budget: Budget, earlier: Duration, steps: u64) -> Self {
+    pub fn resumed(budget: Budget, earlier: Duration, steps: u64) -> Self {
         Self {
             budget,
             watch: Stopwatch::after(earlier),
@@ -100,7 +69,7 @@ impl Clock {
     }
 
     /// Time since the start, without interruptions.
-    pub(crate) fn elapsed(&self) -> Duration {
+    pub fn elapsed(&self) -> Duration {
         self.watch.elapsed()
     }
 

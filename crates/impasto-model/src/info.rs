@@ -1,10 +1,10 @@
 //! What a model file is, in numbers.
 
 use crate::config::TrainConfig;
-use crate::model_file::ModelFile;
-use crate::style_stage::{hypernetworks, levels};
-use burn::tensor::Tensor;
-use impasto_field::{Branch, EncodingConfig, Field};
+use crate::file::ModelFile;
+use crate::hypernetworks::hypernetworks;
+use burn::tensor::{Device, Tensor};
+use impasto_field::{Field, Parameters, RadianceField};
 use impasto_scene::Split;
 use serde_json::{Value, json};
 
@@ -17,18 +17,13 @@ impl TrainConfig {
     /// parameters by level of the cascade, and the whole configuration.
     pub fn info(&self) -> Value {
         let field = Field::new(self.field.clone());
-        let levels = levels(self);
-        let branch = |branch: &Branch, encoding: &EncodingConfig| {
-            let app = self
-                .photo_app
-                .network(branch.features(), branch.dimensions());
-            let [_, base, geo] = branch.lengths();
-            let table = encoding.hash_grid().map_or(0, |grid| grid.params());
-            table + base + geo + app.params()
-        };
-        let level = branch(&field.inner, &self.field.inner.encoding)
-            + branch(&field.outer, &self.field.outer.encoding)
-            + self.field.inner.latent.unwrap_or(0);
+        let levels = self.field.levels();
+        let zeros = RadianceField::zeros(&field, self.photo_appearance(), &Device::flex());
+        // Frequency encodings learn nothing, but have a number each.
+        let tables = [&self.field.inner, &self.field.outer].map(|v| v.encoding.hash_grid());
+        let unused = tables.iter().filter(|table| table.is_none()).count();
+        let coarse = zeros.weights.coarse.as_ref().map_or(0, |coarse| coarse.count());
+        let level = zeros.count() - coarse - unused;
         let hypernetworks = hypernetworks(&field, self);
         let hypernetworks = hypernetworks.map(|net| net.lengths().into_iter().sum::<usize>());
         json!({
@@ -49,7 +44,8 @@ impl ModelFile {
     /// Facts about the model: its scene, measured quality (dB; SSIM), numbers of parameters and
     /// whole configuration.
     pub fn info(&self) -> Value {
-        let (inner, outer) = (&self.weights.inner, &self.weights.outer);
+        let (weights, app) = (&self.radiance.weights, &self.radiance.app);
+        let (inner, outer) = (&weights.inner, &weights.outer);
         let of = |split| {
             self.scene
                 .photos
@@ -57,7 +53,7 @@ impl ModelFile {
                 .filter(|photo| photo.split == split)
                 .count()
         };
-        let coarse = self.weights.coarse.iter();
+        let coarse = weights.coarse.iter();
         let coarse = coarse
             .flat_map(|c| [&c.inner, &c.outer])
             .flat_map(|w| [&w.base, &w.geo]);
@@ -81,7 +77,7 @@ impl ModelFile {
                 "base": count([&inner.base, &outer.base]),
                 "geo": count([&inner.geo, &outer.geo]),
                 "first_field": count(coarse),
-                "photo_app": count([&self.photo_app.inner, &self.photo_app.outer]),
+                "photo_app": count([&app.inner, &app.outer]),
                 "hypernetworks": count(hypernetworks),
                 "canvas": count(canvas.iter().flat_map(|c| [&c.inner, &c.outer])),
             },

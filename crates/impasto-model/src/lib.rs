@@ -1,0 +1,45 @@
+//! A trained model: its file and configuration, the appearances that paintings give it, layers of
+//! paint, and the rays of cameras. Knows nothing of training.
+//!
+//! [`Model`] is what renders; [`ModelFile`] is what is stored; [`TrainConfig`] is everything that a run
+//! can be told.
+
+mod appearance;
+mod budget;
+mod camera_rays;
+mod color;
+pub mod config;
+mod embedding;
+mod error;
+mod file;
+mod hypernetworks;
+mod info;
+mod layers;
+mod model;
+mod record;
+mod rendered;
+mod stop;
+pub mod tensors;
+mod view;
+
+pub use appearance::StyledAppearance;
+pub use budget::{Budget, Clock, Stopwatch};
+pub use burn::tensor::Device;
+pub use camera_rays::CameraRays;
+pub use color::{ColorStatistics, ColorTransfer};
+pub use config::TrainConfig;
+pub use embedding::{STYLE_SIDE, StyleEmbedding, painting_statistics, square_statistics};
+pub use error::ModelError;
+pub use file::{CHECKPOINT_FILE, MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
+pub use hypernetworks::{StyleModel, hypernetworks};
+pub use impasto_field::encoding::LOST;
+pub use impasto_kernels::device::{DeviceChoice, NoDevice, Opened, is_cpu};
+pub use layers::{
+    ColorPreservation, LayerError, MaskShape, MaskSpec, PaintingSpec, StyleLayer, StyleLayerSpec,
+    StyleLayers,
+};
+pub use model::Model;
+pub use record::{PhotoMark, RunIdentity, Stages, TrainingRecord};
+pub use rendered::RenderedView;
+pub use stop::Stop;
+pub use view::ViewGBuffer;

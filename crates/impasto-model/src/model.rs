@@ -1,34 +1,34 @@
-//! A trained model as its users see it: looks and rendered views.
+//! A trained model as its users see it: appearances and rendered views.
 
-use crate::TrainError;
-use crate::coats::Surroundings;
-use crate::model_file::ModelFile;
-use crate::palette::{ColorStatistics, ColorTransfer};
-use crate::rays::CameraRays;
-use crate::styles::whole;
+use crate::appearance::StyledAppearance;
+use crate::camera_rays::CameraRays;
+use crate::color::ColorStatistics;
+use crate::embedding::{StyleEmbedding, painting_statistics};
+use crate::error::ModelError;
+use crate::file::ModelFile;
+use crate::layers::SurfaceCells;
+use crate::rendered::RenderedView;
 use burn::tensor::Device;
 use image::RgbImage;
-use impasto_field::render::host;
 use impasto_field::{
-    Appearance, AppearanceConfig, Field, FieldWeights, Grids, Paintable, RayBatch, RenderedRays,
-    prepare_rays, render_rays,
+    Appearance, AppearanceConfig, Field, GBuffer, GBufferOptions, RayBatch, Renderer, host,
 };
 use impasto_kernels::CompositeLayout;
 use impasto_scene::{Camera, Split};
 use impasto_style::{Perceptual, StyleCode, StyleError, StyleVae};
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// A model ready to render.
 pub struct Model {
     /// What was read.
     pub file: ModelFile,
-    field: Field,
-    device: Device,
-    encoder: std::sync::OnceLock<Encoder>,
-    /// Rays through the training views, on which looks are measured.
-    sample: std::sync::OnceLock<Vec<Paintable>>,
-    pub(crate) photo_palette: std::sync::OnceLock<ColorStatistics>,
-    pub(crate) surroundings: std::sync::OnceLock<Surroundings>,
+    renderer: Renderer,
+    encoder: OnceLock<Encoder>,
+    /// Rays through the training views, on which styled appearances are measured.
+    sample: OnceLock<Vec<GBuffer>>,
+    photo_colors: OnceLock<ColorStatistics>,
+    pub(crate) surfaces: OnceLock<SurfaceCells>,
 }
 
 struct Encoder {
@@ -36,63 +36,7 @@ struct Encoder {
     vae: StyleVae,
 }
 
-/// What a look is made from.
-#[derive(Debug, Clone)]
-pub struct StyleEmbedding {
-    /// The painting's style code.
-    pub code: StyleCode,
-    /// The painting's colours.
-    pub palette: ColorStatistics,
-}
-
-impl StyleEmbedding {
-    /// Between several paintings: the weighted mean; weights need not sum to one. `None` if their
-    /// sum is not positive.
-    pub fn mix(all: &[(Self, f32)]) -> Option<Self> {
-        let codes: Vec<_> = all.iter().map(|(i, w)| (i.code.clone(), *w)).collect();
-        let code = StyleCode::mix(&codes)?;
-        let mut weighed = all.iter().filter(|(_, weight)| *weight > 0.0);
-        let (first, weight) = weighed.next()?;
-        let (palette, _) = weighed.fold((first.palette, *weight), |(palette, sum), (i, weight)| {
-            let sum = sum + weight;
-            (palette.mixed(&i.palette, weight / sum), sum)
-        });
-        Some(Self { code, palette })
-    }
-}
-
-/// One way to colour the scene.
-#[derive(Debug, Clone)]
-pub struct Look {
-    pub(crate) appearance: Appearance,
-    /// Applied to every rendered colour.
-    recolouring: Option<ColorTransfer>,
-}
-
-impl Look {
-    /// Colours as `app` gives them, `rays × 3`, after what is applied to all of them.
-    pub(crate) fn recoloured(&self, colours: Vec<f32>) -> Vec<f32> {
-        match &self.recolouring {
-            Some(recolouring) => recolouring.apply(&colours),
-            None => colours,
-        }
-    }
-}
-
-/// One rendered view.
-#[derive(Debug, Clone)]
-pub struct RenderedView {
-    /// Pixels across.
-    pub width: usize,
-    /// Pixels down.
-    pub height: usize,
-    /// Per look, `height × width × 3` in `[0, 1]`.
-    pub pixels: Vec<Vec<f32>>,
-    /// `height × width`, depth along the camera's axis in scene units.
-    pub depth: Vec<f32>,
-}
-
-/// Training views that a look is measured on, and rays along each side of one.
+/// Training views that an appearance is measured on, and rays along each side of one.
 const SAMPLED_VIEWS: usize = 16;
 const SAMPLED_SIDE: u32 = 16;
 
@@ -101,33 +45,37 @@ impl Model {
     ///
     /// # Errors
     /// See [`ModelFile::load`].
-    pub fn load(path: &Path) -> Result<Self, TrainError> {
-        Self::load_on(path, Device::flex())
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        Self::load_on(path, &Device::flex())
     }
 
     /// Reads a model folder or file, to render it on a device, whatever it was trained on.
     ///
     /// # Errors
     /// See [`ModelFile::load`].
-    pub fn load_on(path: &Path, device: Device) -> Result<Self, TrainError> {
-        Ok(Self::from_file(ModelFile::load(path, &device)?, device))
+    pub fn load_on(path: &Path, device: &Device) -> Result<Self, ModelError> {
+        Ok(Self::from_file(ModelFile::load(path, device)?))
     }
 
-    /// A model from its contents.
-    pub fn from_file(file: ModelFile, device: Device) -> Self {
+    /// A model from its contents, on the device that they are on.
+    pub fn from_file(file: ModelFile) -> Self {
+        let config = &file.config;
+        let apps = [&config.photo_appearance(), &config.style_appearance()];
+        let field = Field::new(config.field.clone());
+        let weights = file.radiance.weights.clone();
         Self {
-            field: Field::new(file.config.field.clone()),
+            renderer: Renderer::open(field, weights, file.grids.clone(), apps),
             file,
-            device,
-            encoder: std::sync::OnceLock::new(),
-            sample: std::sync::OnceLock::new(),
-            photo_palette: std::sync::OnceLock::new(),
-            surroundings: std::sync::OnceLock::new(),
+            encoder: OnceLock::new(),
+            sample: OnceLock::new(),
+            photo_colors: OnceLock::new(),
+            surfaces: OnceLock::new(),
         }
     }
 
-    pub(crate) fn device(&self) -> &Device {
-        &self.device
+    /// What it is rendered with.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
     }
 
     /// Whether it can be painted: the style stage has run.
@@ -135,11 +83,11 @@ impl Model {
         self.file.style.is_some()
     }
 
-    /// What to make a look of a painting from: its middle square, always the same.
+    /// What to make an appearance from: of a painting, always the same middle square.
     ///
     /// # Errors
     /// If an asset is damaged.
-    pub fn inspiration(&self, painting: &RgbImage) -> Result<StyleEmbedding, StyleError> {
+    pub fn embedding(&self, painting: &RgbImage) -> Result<StyleEmbedding, StyleError> {
         let encoder = match self.encoder.get() {
             Some(encoder) => encoder,
             None => {
@@ -151,101 +99,88 @@ impl Model {
             }
         };
         let side = self.file.config.style.pictures.side;
+        let statistics = painting_statistics(&encoder.vgg, painting, side)?;
         Ok(StyleEmbedding {
-            code: encoder.vae.encode(&whole(&encoder.vgg, painting, side)?),
-            palette: ColorStatistics::of_picture(painting),
+            code: encoder.vae.encode(&statistics),
+            colors: ColorStatistics::of_picture(painting),
         })
     }
 
-    /// [`Self::inspiration`] of several paintings, each with its weight in a mix.
+    /// [`Self::embedding`] of several paintings, each with its weight in a mix.
     ///
     /// # Errors
     /// If an asset is damaged.
-    pub fn inspirations<'a>(
+    pub fn embeddings<'a>(
         &self,
         paintings: impl IntoIterator<Item = (&'a RgbImage, f32)>,
     ) -> Result<Vec<(StyleEmbedding, f32)>, StyleError> {
         let paintings = paintings.into_iter();
-        let inspired =
-            paintings.map(|(painting, weight)| Ok((self.inspiration(painting)?, weight)));
-        inspired.collect()
+        let embedded = paintings.map(|(painting, weight)| Ok((self.embedding(painting)?, weight)));
+        embedded.collect()
     }
 
-    /// The look that a painting gives, emphasised as the configuration says, or `None` if the style
-    /// stage has not run. The hypernetwork runs once, here. What its colours lack of the painting's
-    /// mean and contrast over the training views is then made up for, to the share that the
-    /// configuration trusts it, by one linear map of all colours, the same everywhere, so that
+    /// The appearance that a painting gives, extrapolated as the configuration says, or `None` if
+    /// the style stage has not run. The hypernetwork runs once, here. What its colours lack of the
+    /// painting's mean and contrast over the training views is then made up for, to the strength
+    /// that the configuration gives, by one linear map of all colours, the same everywhere, so that
     /// views keep agreeing.
-    pub fn look(&self, inspiration: &StyleEmbedding) -> Option<Look> {
-        let appearance = self.predicted(&inspiration.code)?;
-        Some(self.look_of(appearance, &inspiration.palette))
+    pub fn appearance(&self, embedding: &StyleEmbedding) -> Option<StyledAppearance> {
+        let predicted = self.predicted(&embedding.code)?;
+        Some(self.styled(predicted, &embedding.colors))
     }
 
-    /// W^app that the hypernetworks give for an emphasised code.
-    pub(crate) fn predicted(&self, code: &StyleCode) -> Option<Appearance> {
+    /// W^app that the hypernetworks give for an extrapolated code.
+    pub fn predicted(&self, code: &StyleCode) -> Option<Appearance> {
         let config = &self.file.config;
-        let code = code.scaled(config.style.emphasis);
+        let code = code.scaled(config.style.style_extrapolation);
         let style = self.file.style.as_ref()?;
-        let levels = style.appearances(config, &code, &self.device);
+        let levels = style.appearances(config, &code, &self.renderer.device());
         levels.into_iter().next_back()
     }
 
-    /// The look of an appearance, moved towards a palette.
-    pub(crate) fn look_of(&self, appearance: Appearance, palette: &ColorStatistics) -> Look {
-        let recolouring = match self.file.config.style.palette_trust {
-            0.0 => None,
-            trust => self.recolouring(&appearance, palette, trust),
-        };
-        Look {
+    /// An appearance, its colours moved towards a painting's.
+    pub fn styled(&self, appearance: Appearance, colors: &ColorStatistics) -> StyledAppearance {
+        let strength = self.file.config.style.color_transfer_strength;
+        let styled = StyledAppearance {
             appearance,
-            recolouring,
+            transfer: None,
+        };
+        if strength == 0.0 {
+            return styled;
         }
+        self.colored(styled, colors, strength)
     }
 
-    /// A look with the mean and covariance of a palette over the training views.
-    pub(crate) fn look_in(&self, look: Look, palette: &ColorStatistics) -> Look {
-        let recolouring = self.recolouring(&look.appearance, palette, 1.0);
-        Look {
-            recolouring,
-            ..look
-        }
-    }
-
-    /// From the colours that an appearance has over the training views towards a palette.
-    fn recolouring(
+    /// An appearance whose colours over the training views are moved towards the mean and covariance
+    /// of others, instead of what was applied to them before.
+    pub(crate) fn colored(
         &self,
-        appearance: &Appearance,
-        palette: &ColorStatistics,
-        trust: f32,
-    ) -> Option<ColorTransfer> {
+        styled: StyledAppearance,
+        colors: &ColorStatistics,
+        strength: f32,
+    ) -> StyledAppearance {
+        let appearance = styled.appearance;
         let sample = self.sample.get_or_init(|| self.sample(&appearance.config));
-        if sample.is_empty() {
-            return None;
+        let transfer = (!sample.is_empty()).then(|| {
+            let found = color_statistics(&appearance, sample);
+            found.transfer_to(colors).scaled(strength)
+        });
+        StyledAppearance {
+            appearance,
+            transfer,
         }
-        let found = self.palette_of(appearance, sample);
-        Some(found.recolouring(palette).softened(trust))
     }
 
-    /// Colours that an appearance has over rays that were prepared for it.
-    pub(crate) fn palette_of(&self, appearance: &Appearance, rays: &[Paintable]) -> ColorStatistics {
-        let colours = rays.iter().map(|part| host(part.composite(appearance)));
-        let colours = colours.collect::<Vec<_>>().concat();
-        let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
-        ColorStatistics::of(pixels.iter().map(|pixel| &pixel[..3]))
-    }
-
-    /// What rays are rendered with.
-    pub(crate) fn parts(&self) -> (&Field, &FieldWeights, &Grids) {
-        (&self.field, &self.file.weights, &self.file.grids)
-    }
-
-    pub(crate) fn rendered(&self, appearances: &[&Appearance], rays: &RayBatch) -> RenderedRays {
-        let (field, weights, grids) = self.parts();
-        render_rays(field, weights, grids, appearances, rays)
+    /// The scene's own colours over the training views.
+    pub(crate) fn photo_colors(&self) -> ColorStatistics {
+        *self.photo_colors.get_or_init(|| {
+            let photo = self.file.photo_app();
+            color_statistics(photo, &self.sample(&photo.config))
+        })
     }
 
     /// A grid of rays through the training views, in parts; none if there are no views.
-    pub(crate) fn sample(&self, config: &AppearanceConfig) -> Vec<Paintable> {
+    fn sample(&self, config: &AppearanceConfig) -> Vec<GBuffer> {
         let photos = &self.file.scene.photos;
         let cameras: Vec<_> = photos.iter().filter(|p| p.split == Split::Train).collect();
         let mut rays = RayBatch::default();
@@ -259,35 +194,47 @@ impl Model {
         if rays.is_empty() {
             return Vec::new();
         }
-        let mut prepared = prepare_rays(self.parts(), None, (config, 0.0, rays.len()), &rays, 0);
-        prepared.levels.pop().unwrap_or_default()
+        let options = GBufferOptions {
+            config,
+            photo: None,
+            seed: Some(0),
+            least_weight: 0.0,
+            rays_at_once: Some(rays.len()),
+        };
+        let mut buffers = self.renderer.gbuffer(&rays, &options);
+        buffers.levels.pop().unwrap_or_default()
     }
 
-    /// The photo's own look.
-    pub fn photo_appearance(&self) -> Look {
-        Look {
-            appearance: self.file.photo_app.clone(),
-            recolouring: None,
+    /// As photographed.
+    pub fn photo_appearance(&self) -> StyledAppearance {
+        StyledAppearance {
+            appearance: self.file.photo_app().clone(),
+            transfer: None,
         }
     }
 
     /// [`Self::render`] with `side × side` rays a pixel, whose colours are averaged: paint that is
     /// finer than a pixel flickers otherwise. Costs `side²` times as much.
-    pub fn render_smooth(&self, camera: &Camera, looks: &[&Look], side: u32) -> RenderedView {
+    pub fn render_smooth(
+        &self,
+        camera: &Camera,
+        appearances: &[&StyledAppearance],
+        side: u32,
+    ) -> RenderedView {
         let side = side.max(1);
         let k = &camera.intrinsics;
         let large = camera.resized(k.width * side, k.height * side);
-        self.render(&large, looks).reduced(side as usize)
+        self.render(&large, appearances).reduced(side as usize)
     }
 
-    /// Renders a view with every look; geometry is computed once.
-    pub fn render(&self, camera: &Camera, looks: &[&Look]) -> RenderedView {
+    /// Renders a view with every appearance; geometry is computed once.
+    pub fn render(&self, camera: &Camera, appearances: &[&StyledAppearance]) -> RenderedView {
         let rays = CameraRays::new(camera, None);
         let (width, height) = rays.size();
-        let appearances: Vec<&Appearance> = looks.iter().map(|look| &look.appearance).collect();
-        let rendered = self.rendered(&appearances, &rays.all());
-        let looked = looks.iter().zip(rendered.colours);
-        let pixels = looked.map(|(look, colours)| look.recoloured(colours));
+        let weights: Vec<&Appearance> = appearances.iter().map(|a| &a.appearance).collect();
+        let rendered = self.renderer.render(&rays.all(), &weights);
+        let colours = appearances.iter().zip(rendered.colours);
+        let pixels = colours.map(|(appearance, colours)| appearance.transferred(colours));
         RenderedView {
             width,
             height,
@@ -297,76 +244,10 @@ impl Model {
     }
 }
 
-impl RenderedView {
-    /// The view on a grid `side` times as coarse: colours are means; a depth is the lower median,
-    /// so that it is one that was there and not between a thing and what is behind it.
-    pub(crate) fn reduced(self, side: usize) -> Self {
-        if side == 1 {
-            return self;
-        }
-        let (width, height) = (self.width / side, self.height / side);
-        // The index of every pixel's rays in turn.
-        let rays = |pixel: usize| {
-            let (top, left) = (pixel / width * side, pixel % width * side);
-            (0..side * side).map(move |i| (top + i / side) * self.width + left + i % side)
-        };
-        let pixels = self.pixels.iter().map(|large| {
-            let mean = |pixel: usize| {
-                [0, 1, 2].map(|c| {
-                    let sum: f32 = rays(pixel).map(|ray| large[3 * ray + c]).sum();
-                    sum / (side * side) as f32
-                })
-            };
-            (0..width * height).flat_map(mean).collect()
-        });
-        let depth = |pixel: usize| {
-            let mut depths: Vec<f32> = rays(pixel).map(|ray| self.depth[ray]).collect();
-            depths.sort_by(f32::total_cmp);
-            depths[(depths.len() - 1) / 2]
-        };
-        Self {
-            pixels: pixels.collect(),
-            depth: (0..width * height).map(depth).collect(),
-            width,
-            height,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_reduced_view_has_mean_colours_and_depths_that_were_there() {
-        let view = RenderedView {
-            width: 4,
-            height: 2,
-            pixels: vec![(0..24).map(|i| i as f32).collect()],
-            depth: vec![1.0, 9.0, 5.0, 6.0, 2.0, 8.0, 7.0, 5.5],
-        };
-        let found = view.clone().reduced(2);
-        assert_eq!((found.width, found.height), (2, 1));
-        // Rays 0, 1, 4 and 5: their first channels are 0, 3, 12 and 15.
-        assert_eq!(found.pixels[0], [7.5, 8.5, 9.5, 13.5, 14.5, 15.5]);
-        assert_eq!(found.depth, [2.0, 5.5]);
-        assert_eq!(view.clone().reduced(1).pixels, view.pixels);
-    }
-
-    #[test]
-    fn mixed_inspirations_lie_between_by_weight() {
-        let one = |number: f32| StyleEmbedding {
-            code: StyleCode(vec![number; StyleCode::LEN]),
-            palette: ColorStatistics::of([number; 6].chunks_exact(3)),
-        };
-        let weighed = [(one(0.0), 1.0), (one(0.4), 2.0), (one(0.8), 1.0)];
-        let mix = StyleEmbedding::mix(&weighed).map(|mix| (mix.code.0[3], mix.palette));
-        let wanted = ColorStatistics::of([0.4f32; 6].chunks_exact(3));
-        assert!(mix.is_some_and(|(code, palette)| {
-            let pixels = palette.recolouring(&wanted).apply(&[0.4, 0.4, 0.4]);
-            (code - 0.4).abs() < 1e-6 && pixels.iter().all(|p| (p - 0.4).abs() < 1e-5)
-        }));
-        assert!(StyleEmbedding::mix(&[(one(0.1), 0.0)]).is_none());
-        assert!(StyleEmbedding::mix(&[]).is_none());
-    }
+/// Colours that an appearance has over rays.
+fn color_statistics(appearance: &Appearance, rays: &[GBuffer]) -> ColorStatistics {
+    let colours = rays.iter().map(|part| host(part.shade(appearance)));
+    let colours = colours.collect::<Vec<_>>().concat();
+    let (pixels, _) = colours.as_chunks::<{ CompositeLayout::outputs(3) }>();
+    ColorStatistics::of(pixels.iter().map(|pixel| &pixel[..3]))
 }

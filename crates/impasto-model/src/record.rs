@@ -60,7 +60,7 @@ pub struct PhotoMark {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainingRecord {
     /// What decided its result.
-    pub identity: Identity,
+    pub identity: RunIdentity,
     /// Length that was asked for.
     pub budget: Budget,
     /// Steps of the geometry stage.

@@ -1,11 +1,17 @@
 //! Painted views.
 
-use super::{StyleLayer, LayerError, StyleLayerSpec, Coated, ColorPreservation, Mask, Shape, Surroundings};
-use crate::model::{StyleEmbedding, Look, Model, RenderedView};
-use crate::palette::ColorStatistics;
-use crate::rays::CameraRays;
+use crate::appearance::StyledAppearance;
+use crate::camera_rays::CameraRays;
+use crate::embedding::StyleEmbedding;
+use crate::layers::{
+    BlendTarget, ColorPreservation, LayerError, Mask, MaskShape, MaskSpec, StyleLayer,
+    StyleLayerSpec, SurfaceCells,
+};
+use crate::model::Model;
+use crate::rendered::RenderedView;
 use glam::Vec3;
-use impasto_field::{Appearance, RayBatch, SeenRays, see_rays};
+use impasto_field::renderer::{SHADE_LEAST, pixels};
+use impasto_field::{Appearance, GBuffer, GBufferOptions, RayBatch, RayBuffers, host};
 use impasto_scene::{Camera, Split};
 
 /// Training views whose surfaces regions grow over, and rays along the longer side of each.
@@ -19,25 +25,19 @@ pub struct ViewGBuffer {
     pub width: usize,
     /// Pixels down.
     pub height: usize,
+    /// `height × width × 3` in `[0, 1]`, as photographed.
+    pub photo: Vec<f32>,
+    /// `height × width`, depth along the camera's axis in scene units, infinite where nothing is.
+    pub depth: Vec<f32>,
     rays: RayBatch,
-    seen: SeenRays,
+    buffers: RayBuffers,
 }
 
 impl ViewGBuffer {
-    /// `height × width`, depth along the camera's axis in scene units, infinite where nothing is.
-    pub fn depth(&self) -> &[f32] {
-        &self.seen.depth
-    }
-
-    /// `height × width × 3` in `[0, 1]`, as photographed.
-    pub fn photo(&self) -> &[f32] {
-        &self.seen.photo
-    }
-
     /// The point in scene space that a pixel shows; `None` where nothing is.
     pub fn point(&self, x: usize, y: usize) -> Option<[f32; 3]> {
         let ray = y * self.width + x;
-        let depth = *self.seen.depth.get(ray)?;
+        let depth = *self.depth.get(ray)?;
         let (origin, direction) = (self.rays.origins[ray], self.rays.directions[ray]);
         let point = Vec3::from(origin) + Vec3::from(direction) * depth;
         (depth.is_finite() && point.is_finite()).then(|| point.to_array())
@@ -45,17 +45,20 @@ impl ViewGBuffer {
 
     /// About how much memory it takes, bytes.
     pub fn bytes(&self) -> usize {
-        self.seen.bytes() + 6 * self.rays.len() * size_of::<f32>()
+        let buffers: usize = self.buffers.fine().iter().map(GBuffer::bytes).sum();
+        // Rays, then colours and depth, here and on the device.
+        let numbers = (6 + 2 * 4) * self.rays.len();
+        buffers + numbers * size_of::<f32>()
     }
 }
 
 impl Model {
-    /// One coat: the look of paintings mixed by weight, on as the specification says. `paintings`
-    /// are what the specification's resolve to, in any order.
+    /// One layer: the appearance of paintings mixed by weight, blended as the specification says.
+    /// `paintings` are what the specification's resolve to, in any order.
     ///
     /// # Errors
     /// [`LayerError::Unstyled`], and [`LayerError::NoSurface`] where a region cannot grow.
-    pub fn coat(
+    pub fn layer(
         &self,
         spec: &StyleLayerSpec,
         paintings: &[(StyleEmbedding, f32)],
@@ -64,30 +67,30 @@ impl Model {
             number: 1,
             problem: "all its paintings have weight 0; give at least one more".into(),
         })?;
-        let look = self.look(&mix).ok_or(LayerError::Unstyled)?;
-        self.layer_of(look, spec.strength, spec.keep, spec.mask.as_ref())
+        let appearance = self.appearance(&mix).ok_or(LayerError::Unstyled)?;
+        self.layer_of(appearance, spec.strength, spec.keep, spec.mask.as_ref())
     }
 
-    /// A coat of a look that is known already.
+    /// A layer of an appearance that is known already.
     ///
     /// # Errors
     /// [`LayerError::NoSurface`] where a region cannot grow.
     pub fn layer_of(
         &self,
-        look: Look,
+        appearance: StyledAppearance,
         strength: f32,
         keep: ColorPreservation,
-        mask: Option<&super::MaskSpec>,
+        mask: Option<&MaskSpec>,
     ) -> Result<StyleLayer, LayerError> {
-        let look = match keep {
-            ColorPreservation::Palette => self.look_in(look, &self.photo_palette()),
-            ColorPreservation::None | ColorPreservation::Luminance => look,
+        let appearance = match keep {
+            ColorPreservation::Palette => self.colored(appearance, &self.photo_colors(), 1.0),
+            ColorPreservation::None | ColorPreservation::Luminance => appearance,
         };
         let mask = mask.map(|spec| {
             let region = match spec.shape {
-                Shape::Surface { point, tolerance } => {
-                    let surroundings = self.surroundings.get_or_init(|| self.look_around());
-                    let region = surroundings.region(point.into(), tolerance);
+                MaskShape::Surface { point, tolerance } => {
+                    let surfaces = self.surfaces.get_or_init(|| self.find_surfaces());
+                    let region = surfaces.region(point.into(), tolerance);
                     Some(region.ok_or(LayerError::NoSurface(point))?)
                 }
                 _ => None,
@@ -99,23 +102,15 @@ impl Model {
             })
         });
         Ok(StyleLayer {
-            look,
+            appearance,
             strength,
             keep,
             mask: mask.transpose()?,
         })
     }
 
-    /// The scene's own colours over the training views.
-    fn photo_palette(&self) -> ColorStatistics {
-        *self.photo_palette.get_or_init(|| {
-            let photo = &self.file.photo_app;
-            self.palette_of(photo, &self.sample(&photo.config))
-        })
-    }
-
     /// Surfaces as the training views see them.
-    fn look_around(&self) -> Surroundings {
+    fn find_surfaces(&self) -> SurfaceCells {
         let cameras = self.file.scene.cameras(Split::Train);
         let step = cameras.len().div_ceil(VIEWS).max(1);
         let views = cameras.into_iter().step_by(step).map(|camera| {
@@ -125,12 +120,12 @@ impl Model {
             let side = |length: f64| (length * scale).round().max(1.0) as u32;
             self.gbuffer(&camera.resized(side(w), side(h)))
         });
-        Surroundings::new(views.flat_map(|view| {
+        SurfaceCells::new(views.flat_map(|view| {
             let pixels = 0..view.width * view.height;
             pixels
                 .filter_map(|i| {
                     let point = view.point(i % view.width, i / view.width)?;
-                    Some((point.into(), Vec3::from_slice(&view.photo()[3 * i..])))
+                    Some((point.into(), Vec3::from_slice(&view.photo[3 * i..])))
                 })
                 .collect::<Vec<_>>()
         }))
@@ -141,52 +136,63 @@ impl Model {
         let rays = CameraRays::new(camera, None);
         let (width, height) = rays.size();
         let rays = rays.all();
-        let (photo, config) = (&self.file.photo_app, self.file.config.style_appearance());
-        let seen = see_rays(self.parts(), photo, &config, &rays);
+        let options = GBufferOptions {
+            config: &self.file.config.style_appearance(),
+            photo: Some(self.file.photo_app()),
+            seed: None,
+            least_weight: SHADE_LEAST,
+            rays_at_once: None,
+        };
+        let buffers = self.renderer().gbuffer(&rays, &options);
         ViewGBuffer {
             width,
             height,
+            photo: buffers.photo.clone().map(pixels).unwrap_or_default(),
+            depth: host(buffers.depth.clone()),
             rays,
-            seen,
+            buffers,
         }
     }
 
-    /// Paints a prepared view: `height × width × 3` in `[0, 1]`. Without coats it is as
-    /// photographed.
-    pub fn shade(&self, view: &ViewGBuffer, coats: &[StyleLayer]) -> Vec<f32> {
-        let photo = view.photo();
-        let coloured = Coated {
+    /// Paints a view: `height × width × 3` in `[0, 1]`. Without layers it is as photographed.
+    pub fn shade(&self, view: &ViewGBuffer, layers: &[StyleLayer]) -> Vec<f32> {
+        let target = BlendTarget {
             rays: &view.rays,
-            depth: view.depth(),
-            photo,
+            depth: &view.depth,
+            photo: &view.photo,
         };
-        let mut pixels = photo.to_vec();
-        for coat in coats {
-            let painted = view.seen.colours(self.parts(), &coat.look.appearance);
-            coloured.put_on(&mut pixels, coat, &coat.look.recoloured(painted));
+        let mut pixels = view.photo.clone();
+        for layer in layers {
+            let painted = view.buffers.shade(&layer.appearance.appearance);
+            target.blend(&mut pixels, layer, &layer.appearance.transferred(painted));
         }
         pixels
     }
 
-    /// Renders a view with every list of coats, with `side × side` rays a pixel; see
+    /// Renders a view with every list of layers, with `side × side` rays a pixel; see
     /// [`Self::render_smooth`]. Geometry is computed once.
-    pub fn render_layers(&self, camera: &Camera, lists: &[&[StyleLayer]], side: u32) -> RenderedView {
+    pub fn render_layers(
+        &self,
+        camera: &Camera,
+        lists: &[&[StyleLayer]],
+        side: u32,
+    ) -> RenderedView {
         let side = side.max(1);
         let k = &camera.intrinsics;
         let large = camera.resized(k.width * side, k.height * side);
         let rays = CameraRays::new(&large, None);
         let (width, height) = rays.size();
         let rays = rays.all();
-        let coats = || lists.iter().copied().flatten();
-        let looks: Vec<&Appearance> = coats().map(|coat| &coat.look.appearance).collect();
-        let bare = |list: &&[StyleLayer]| list.first().is_none_or(StyleLayer::is_thin);
-        let photo = lists.iter().any(bare) || coats().any(StyleLayer::is_thin);
-        let photo = photo.then_some(&self.file.photo_app);
-        let all: Vec<&Appearance> = looks.into_iter().chain(photo).collect();
-        let mut rendered = self.rendered(&all, &rays);
+        let layers = || lists.iter().copied().flatten();
+        let bare = |list: &&[StyleLayer]| list.first().is_none_or(StyleLayer::is_translucent);
+        let photo = lists.iter().any(bare) || layers().any(StyleLayer::is_translucent);
+        let photo = photo.then(|| self.file.photo_app());
+        let painted = layers().map(|layer| &layer.appearance.appearance);
+        let all: Vec<&Appearance> = painted.chain(photo).collect();
+        let mut rendered = self.renderer().render(&rays, &all);
         let photo = photo.and_then(|_| rendered.colours.pop());
         let photo = photo.unwrap_or_default();
-        let coloured = Coated {
+        let target = BlendTarget {
             rays: &rays,
             depth: &rendered.depth,
             photo: &photo,
@@ -194,11 +200,12 @@ impl Model {
         let mut colours = rendered.colours.into_iter();
         let pixels = lists.iter().map(|list| {
             let mut pixels = photo.clone();
-            for (coat, painted) in list.iter().zip(colours.by_ref()) {
-                let painted = coat.look.recoloured(painted);
-                match coat.is_thin() {
-                    true => coloured.put_on(&mut pixels, coat, &painted),
-                    false => pixels = painted,
+            for (layer, painted) in list.iter().zip(colours.by_ref()) {
+                let painted = layer.appearance.transferred(painted);
+                if layer.is_translucent() {
+                    target.blend(&mut pixels, layer, &painted);
+                } else {
+                    pixels = painted;
                 }
             }
             pixels

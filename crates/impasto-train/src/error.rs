@@ -1,5 +1,5 @@
-use crate::checkpoint::CHECKPOINT_FILE;
 use crate::event::Stage;
+use impasto_model::{CHECKPOINT_FILE, ModelError};
 use std::path::{Path, PathBuf};
 
 /// Why a run could not start or go on.
@@ -11,14 +11,9 @@ pub enum TrainError {
     /// Weights or pictures cannot be used.
     #[error(transparent)]
     Style(#[from] impasto_style::StyleError),
-    /// A file of the model folder cannot be written.
-    #[error("cannot write {}: {reason}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
+    /// A model cannot be read or written, or a setting is out of range.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// A checkpoint cannot be used.
     #[error("{}: {reason}; remove it to start over", path.display())]
     Checkpoint {
@@ -72,14 +67,6 @@ pub enum TrainError {
         /// Steps of that stage.
         steps: u64,
     },
-    /// A model file cannot be used.
-    #[error("{}: {reason}", path.display())]
-    Model {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
     /// A folder of paintings cannot be used.
     #[error("style folder {}: {reason}", path.display())]
     Styles {
@@ -95,14 +82,6 @@ pub enum TrainError {
     OtherScene {
         /// The first difference.
         what: String,
-    },
-    /// A setting is out of range.
-    #[error("setting {key}: {reason}")]
-    Setting {
-        /// Its dotted path.
-        key: String,
-        /// What is allowed.
-        reason: String,
     },
     /// Photos are smaller than a patch.
     #[error(
@@ -123,10 +102,8 @@ pub enum TrainError {
 }
 
 impl TrainError {
-    pub(crate) fn write(path: &Path, error: &std::io::Error) -> Self {
-        Self::Write {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        }
+    /// A file could not be written.
+    pub(crate) fn write(path: &Path, error: &impl ToString) -> Self {
+        ModelError::write(path, error).into()
     }
 }

@@ -104,10 +104,10 @@ impl MaskSpec {
 /// A part of the scene, ready to be asked.
 #[derive(Debug, Clone)]
 pub(crate) struct Mask {
-    pub(super) shape: MaskShape,
+    pub(crate) shape: MaskShape,
     /// The grown region of a surface.
-    pub(super) region: Option<Region>,
-    pub(super) inverted: bool,
+    pub(crate) region: Option<Region>,
+    pub(crate) inverted: bool,
 }
 
 /// Part of a shape's size over which its edge is feathered, inwards: edges of one ray a pixel are

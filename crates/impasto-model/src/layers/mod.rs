@@ -8,6 +8,8 @@ mod spec;
 
 pub use layer::StyleLayer;
 pub use mask::{MaskShape, MaskSpec};
+pub(crate) use layer::BlendTarget;
+pub(crate) use mask::Mask;
 pub use spec::{ColorPreservation, LayerError, PaintingSpec, StyleLayerSpec, StyleLayers};
 
 pub(crate) use region::SurfaceCells;

@@ -1,7 +1,8 @@
 //! How much memory a run needs, and how much there is.
 
-use crate::config::TrainConfig;
 use impasto_field::Shading;
+use impasto_kernels::HashGridSpec;
+use impasto_model::TrainConfig;
 use impasto_scene::{Photo, Scene};
 
 /// What a run holds beside photos and patches: networks, tables, statistics of paintings, the
@@ -47,7 +48,7 @@ fn photos(scene: &Scene) -> u64 {
 /// All other bytes.
 fn other(scene: &Scene, config: &TrainConfig) -> u64 {
     let points: usize = scene.points.iter().map(|p| 80 + 48 * p.seen_by.len()).sum();
-    let rest = REST[usize::from(config.field.cascade.is_some())];
+    let rest = REST[config.field.levels() - 1];
     points as u64 + patches(config) + rest
 }
 
@@ -56,18 +57,15 @@ fn patches(config: &TrainConfig) -> u64 {
     let style = &config.style;
     let [height, width] = style.patch.map(|side| side * style.supersampling);
     let app = config.style_appearance();
-    let volumes = [(&config.field.inner, 3), (&config.field.outer, 4)];
-    let numbers: usize = volumes
-        .map(|(volume, dimensions)| {
-            let view = app.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));
-            let canvas = app.canvas.as_ref().map_or(0, |c| c.outputs(dimensions));
-            volume.features() + view + canvas + SAMPLE_NUMBERS
-        })
+    let view = app.app.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));
+    let canvas = app.shading.canvas().map_or(0, HashGridSpec::outputs);
+    let numbers: usize = [&config.field.inner, &config.field.outer]
         .iter()
+        .map(|volume| volume.features() + view + canvas + SAMPLE_NUMBERS)
         .sum();
     // One surface a ray in each volume, or all of its samples, half of them in each.
     let rows = match app.shading {
-        Shading::Surface => 2,
+        Shading::Surface { .. } => 2,
         Shading::Samples => config.field.samples(),
     };
     (height * width * style.pool * rows * numbers * 4 / 2) as u64

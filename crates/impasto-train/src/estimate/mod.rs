@@ -3,9 +3,8 @@
 mod memory;
 mod rates;
 
-use crate::budget::Budget;
-use crate::config::TrainConfig;
-use crate::run::end_of_stages;
+use crate::run::stages::end_of_stages;
+use impasto_model::{Budget, TrainConfig};
 use impasto_scene::Scene;
 use serde::Serialize;
 use std::time::Duration;

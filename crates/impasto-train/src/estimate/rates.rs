@@ -1,14 +1,11 @@
 //! How fast this machine trains, by a few steps of the real stages on a small part of the work.
 
-use crate::budget::{Budget, Clock};
-use crate::config::TrainConfig;
-use crate::geometry_stage::GeometryStage;
-use crate::patches::Frozen;
-use crate::rays::photo_rays;
-use crate::style_stage::StyleStage;
-use crate::styles::{STYLE_SIDE, StyleSet};
+use crate::geometry::{GeometryStage, photo_rays};
+use crate::paintings::StyleSet;
+use crate::style::{StyleNetworks, StyleStage};
 use burn::tensor::Device;
 use image::imageops::{FilterType, resize};
+use impasto_model::{Budget, Clock, STYLE_SIDE, TrainConfig};
 use impasto_paintings::{Recipe, paint};
 use impasto_scene::{Photo, Scene};
 use impasto_style::StyleError;
@@ -49,19 +46,15 @@ pub fn measure_rates(scene: &Scene, config: &TrainConfig) -> Result<Rates, Style
     // The first step finds no memory that was used before.
     geometry.step(&clock);
     let geometry_step = timed(MOST_STEPS, || geometry.step(&clock));
-    let (weights, grids, photo_app) = geometry.snapshot();
-    let frozen = Frozen {
-        weights,
-        grids,
-        photo_app,
-    };
+    let trained = geometry.snapshot();
     let vgg = config.style.perceptual.load()?;
     let vae = config.encoder(None)?;
     let painting = [paint(&Recipe::random(0), STYLE_SIDE, STYLE_SIDE)];
-    let pictures = (config.style.patch, &config.style.pictures);
-    let styles = StyleSet::of_pictures(&vgg, &painting, pictures)?;
+    let style = &config.style;
+    let styles = StyleSet::of_pictures(&vgg, &painting, style.patch, &style.pictures)?;
     let rays = photo_rays(photos.into_iter());
-    let mut style = StyleStage::new(&config, frozen, rays, (vgg, vae), styles, 0, &device);
+    let networks = StyleNetworks { vgg, vae };
+    let mut style = StyleStage::new(&config, trained, rays, networks, styles, 0, &device);
     let mut failure = None;
     let mut step = || {
         if let Err(error) = style.step(&clock) {
@@ -105,8 +98,8 @@ fn reduced(config: &TrainConfig) -> (TrainConfig, [f64; 2]) {
     let mut less = config.clone();
     // All losses, as in most of the stage.
     less.style.palette_share = 0.0;
-    less.style.style_warmup = 0;
-    if config.field.cascade.is_none() {
+    less.style.style_loss_start = 0;
+    if config.field.levels() == 1 {
         return (less, [1.0; 2]);
     }
     let fewest = config.geometry.rays[0].min(FEWER_RAYS);

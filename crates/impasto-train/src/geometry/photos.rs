@@ -93,11 +93,13 @@ pub struct KnownSurface {
     pub distance: f32,
 }
 
-/// Draws `count` uniform pixels, of those that show the place, of all photos, and `known` rays to known surfaces.
+/// Draws `count` uniform pixels, of those that show the place, of all photos, and `known` rays to
+/// known surfaces.
 pub fn draw(
     photos: &[PhotoRays],
+    count: usize,
     surfaces: &[KnownSurface],
-    (count, known): (usize, usize),
+    known: usize,
     rng: &mut Pcg64,
 ) -> Targets {
     let mut targets = Targets::default();
@@ -160,13 +162,13 @@ pub(crate) mod tests {
         let shown: Vec<u32> = (0..48).filter(|i| i % 3 != 1).collect();
         let masked = [photo(Some(shown.clone())), photo(Some(vec![8]))];
         let mut rng = Pcg64::seed_from_u64(1);
-        let drawn = draw(&masked, &[], (2000, 0), &mut rng);
+        let drawn = draw(&masked, 2000, &[], 0, &mut rng);
         let mut pixels: Vec<u32> = drawn.colours.chunks(3).map(|c| c[0] as u32).collect();
         pixels.sort_unstable();
         pixels.dedup();
         assert_eq!(pixels, shown);
         // A mask that hides nothing changes nothing.
-        let of = |used| draw(&[photo(used)], &[], (99, 0), &mut Pcg64::seed_from_u64(2)).colours;
+        let of = |used| draw(&[photo(used)], 99, &[], 0, &mut Pcg64::seed_from_u64(2)).colours;
         assert_eq!(of(None), of(Some((0..48).collect())));
     }
 }

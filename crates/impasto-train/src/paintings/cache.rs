@@ -4,8 +4,8 @@
 //! replaced as a whole.
 
 use crate::hash::Hash;
-use crate::palette::ColorStatistics;
 use half::f16;
+use impasto_model::ColorStatistics;
 use impasto_style::Statistics;
 use std::collections::HashMap;
 use std::fs::File;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// First bytes of every file; the number is raised when records change.
 const HEADER: &[u8; 16] = b"IMPASTO styles 2";
-/// Key, palette, statistics, checksum.
+/// Key, colors, statistics, checksum.
 const RECORD: usize = 14 + 8 * ColorStatistics::NUMBERS + 2 * Statistics::LEN + 8;
 /// No file holds more records, which bounds the memory that reading takes.
 const MOST_RECORDS: usize = 160_000;
@@ -40,15 +40,15 @@ pub(crate) struct Measured {
     /// was cached.
     statistics: Box<[f16]>,
     /// Its colours.
-    pub palette: ColorStatistics,
+    pub colors: ColorStatistics,
 }
 
 impl Measured {
     /// Rounds what was measured.
-    pub(crate) fn new(statistics: &Statistics, palette: ColorStatistics) -> Self {
+    pub(crate) fn new(statistics: &Statistics, colors: ColorStatistics) -> Self {
         Self {
             statistics: statistics.0.iter().map(|x| f16::from_f32(*x)).collect(),
-            palette,
+            colors,
         }
     }
 
@@ -204,8 +204,8 @@ fn encode(key: &Key, measured: &Measured) -> Vec<u8> {
     for number in [key.crop, key.window[0], key.window[1]] {
         bytes.extend(number.to_le_bytes());
     }
-    let palette = measured.palette.numbers();
-    bytes.extend(palette.iter().flat_map(|x| x.to_le_bytes()));
+    let colors = measured.colors.numbers();
+    bytes.extend(colors.iter().flat_map(|x| x.to_le_bytes()));
     bytes.extend(measured.statistics.iter().flat_map(|x| x.to_le_bytes()));
     bytes.extend(Hash::of_bytes(&bytes).0.to_le_bytes());
     bytes
@@ -219,9 +219,9 @@ fn decode(bytes: &[u8; RECORD]) -> Option<(Key, Measured)> {
     let (picture, rest) = content.split_first_chunk::<8>()?;
     let (key, rest) = rest.split_first_chunk::<6>()?;
     let short = |i: usize| u16::from_le_bytes([key[i], key[i + 1]]);
-    let (palette, statistics) = rest.split_at_checked(8 * ColorStatistics::NUMBERS)?;
+    let (colors, statistics) = rest.split_at_checked(8 * ColorStatistics::NUMBERS)?;
     let mut numbers = [0.0; ColorStatistics::NUMBERS];
-    let (words, _) = palette.as_chunks::<8>();
+    let (words, _) = colors.as_chunks::<8>();
     for (number, word) in numbers.iter_mut().zip(words) {
         *number = f64::from_le_bytes(*word);
     }
@@ -234,7 +234,7 @@ fn decode(bytes: &[u8; RECORD]) -> Option<(Key, Measured)> {
         },
         Measured {
             statistics: halves.iter().map(|b| f16::from_le_bytes(*b)).collect(),
-            palette: ColorStatistics::of_numbers(&numbers),
+            colors: ColorStatistics::of_numbers(&numbers),
         },
     ))
 }
@@ -248,13 +248,13 @@ mod tests {
     fn picture(number: u16) -> (Key, Arc<Measured>) {
         let colours = [0.1 * f32::from(number), 0.3, 0.9, 0.2, 0.7, 0.4];
         let statistics = Statistics(vec![f32::from(number) + 0.123_456; Statistics::LEN]);
-        let palette = ColorStatistics::of(colours.chunks_exact(3));
+        let colors = ColorStatistics::of(colours.chunks_exact(3));
         let key = Key {
             picture: u64::from(number),
             crop: number,
             window: [number, 67],
         };
-        (key, Arc::new(Measured::new(&statistics, palette)))
+        (key, Arc::new(Measured::new(&statistics, colors)))
     }
 
     /// A cache of three records in `folder`, and its file.

@@ -1,16 +1,17 @@
 //! Statistics of many pictures: paintings read one by one, whole and in crops, and generated
 //! ones; measured once, then taken from a [`Cache`].
 
-use crate::config::PictureConfig;
 use crate::event::Event;
 use crate::hash::Hash;
-use crate::palette::ColorStatistics;
-use crate::progress::REPORT_EVERY;
-use crate::style_cache::{Cache, Key, Measured};
-use crate::style_folder::{StyleFile, StyleFolder};
-use crate::styles::{statistics, window_statistics};
+use crate::paintings::cache::{Cache, Key, Measured};
+use crate::paintings::folder::file_identity;
+use crate::paintings::windows::window_statistics;
+use crate::smooth::REPORT_EVERY;
 use image::RgbImage;
+use impasto_model::config::PictureConfig;
+use impasto_model::{ColorStatistics, square_statistics};
 use impasto_paintings::{Recipe, paint};
+use impasto_scene::{PictureFile, PictureFolder};
 use impasto_style::{Perceptual, StyleError, picture, recolour, square_crop};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -76,14 +77,14 @@ impl Measurer<'_> {
     pub(crate) fn gather(
         &mut self,
         path: &Path,
-        files: &[StyleFile],
+        files: &[PictureFile],
         sampling: &Sampling,
     ) -> Result<Gathered, StyleError> {
         let mut warn = |message| (self.sink)(&Event::Warning { message });
         let settings = settings(self.vgg, sampling)?;
         // Other spellings of a path are the same folder.
         let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let known = files.iter().map(|file| file.identity).collect();
+        let known = files.iter().map(file_identity).collect();
         let subject = settings.and(&real.display());
         let mut run = Gathering {
             vgg: self.vgg,
@@ -146,7 +147,7 @@ enum Outcome {
 struct Gathering<'a> {
     vgg: &'a Perceptual,
     sampling: &'a Sampling,
-    files: &'a [StyleFile],
+    files: &'a [PictureFile],
     /// Identities of the files.
     known: HashSet<u64>,
     folder: Cache,
@@ -217,7 +218,7 @@ impl Gathering<'_> {
         // No side is longer than the pictures are, or it is cut to that.
         let window = window.map_or([0; 2], |w| w.map(|side| side.min(u16::MAX.into()) as u16));
         let (picture, crop) = match job {
-            Job::Crop { file, crop } => (self.files[file].identity, crop),
+            Job::Crop { file, crop } => (file_identity(&self.files[file]), crop),
             Job::Generated(i) => (i, 0),
         };
         Key {
@@ -254,11 +255,11 @@ impl Gathering<'_> {
             Ok(square) => square,
             Err(reason) => return Ok(Outcome::Unreadable(reason)),
         };
-        let palette = ColorStatistics::of(picture(&square).chunks_exact(3));
-        let measured = |statistics| Arc::new(Measured::new(&statistics, palette));
+        let colors = ColorStatistics::of(picture(&square).chunks_exact(3));
+        let measured = |statistics| Arc::new(Measured::new(&statistics, colors));
         let whole = match whole {
             Some(whole) => whole,
-            None => measured(statistics(self.vgg, &square)?),
+            None => measured(square_statistics(self.vgg, &square)?),
         };
         let windows = match window {
             Some(size) => Some(measured(window_statistics(self.vgg, &square, size)?)),
@@ -377,6 +378,6 @@ pub(crate) fn warn_of_unreadable(all: &[(PathBuf, String)], sink: &mut dyn FnMut
 }
 
 /// Folder and files to gather from; none if there is no folder.
-pub(crate) fn parts(folder: Option<&StyleFolder>) -> (&Path, &[StyleFile]) {
+pub(crate) fn parts(folder: Option<&PictureFolder>) -> (&Path, &[PictureFile]) {
     folder.map_or((Path::new(""), &[]), |f| (&f.path, &f.files))
 }

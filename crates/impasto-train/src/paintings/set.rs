@@ -1,24 +1,20 @@
 //! The paintings that a run learns from: statistics, measured once.
 
 use crate::TrainError;
-use crate::config::PictureConfig;
 use crate::event::Event;
-use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
-use crate::palette::ColorStatistics;
-use crate::style_cache::Measured;
-use crate::style_folder::{StyleFile, StyleFolder};
+use crate::paintings::cache::Measured;
+use crate::paintings::measure::{Measurer, Sampling, parts, warn_of_unreadable};
+use crate::paintings::windows::window_statistics;
 use image::RgbImage;
-use image::imageops::crop_imm;
-use impasto_style::{
-    Perceptual, Statistics, StyleCode, StyleError, StyleVae, picture, square_crop,
-};
+use impasto_model::config::PictureConfig;
+use impasto_model::{ColorStatistics, square_statistics};
+use impasto_scene::{PictureFile, PictureFolder};
+use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, StyleVae, square_crop};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Side of the square pictures that style is judged on.
-pub const STYLE_SIDE: u32 = 160;
 /// Random crops per painting, beside the whole.
 const CROPS: u16 = 8;
 /// First seed of generated training pictures; the ones below are free for other uses.
@@ -34,7 +30,7 @@ pub struct Style {
     /// less variety than the whole, and more border for its pixels.
     pub target: Statistics,
     /// Its colours.
-    pub palette: ColorStatistics,
+    pub colors: ColorStatistics,
     /// The code.
     pub code: StyleCode,
 }
@@ -53,8 +49,8 @@ pub struct Paintings {
 /// # Errors
 /// If the folder cannot be listed.
 pub fn read_paintings(dir: &Path) -> std::io::Result<Paintings> {
-    let folder = StyleFolder::walk(dir)?;
-    let read: Vec<_> = folder.files.par_iter().map(StyleFile::read).collect();
+    let folder = PictureFolder::walk(dir)?;
+    let read: Vec<_> = folder.files.par_iter().map(PictureFile::read).collect();
     let mut paintings = Paintings {
         unreadable: folder.unreadable,
         ..Paintings::default()
@@ -68,52 +64,11 @@ pub fn read_paintings(dir: &Path) -> std::io::Result<Paintings> {
     Ok(paintings)
 }
 
-/// Statistics of what stands for a painting whenever it is not training: its middle square, at
-/// `side` pixels.
-///
-/// # Errors
-/// Never for pictures of at least 1×1 pixel.
-pub fn whole(vgg: &Perceptual, painting: &RgbImage, side: u32) -> Result<Statistics, StyleError> {
-    statistics(vgg, &square_crop(painting, 1.0, (0.5, 0.5), side))
-}
-
-pub(crate) fn statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statistics, StyleError> {
-    let side = square.width() as usize;
-    Ok(vgg.features(&picture(square), side, side)?.statistics)
-}
-
-/// Mean statistics of windows of `height × width` pixels that cover the picture.
-pub(crate) fn window_statistics(
-    vgg: &Perceptual,
-    square: &RgbImage,
-    patch: [usize; 2],
-) -> Result<Statistics, StyleError> {
-    let side = square.width() as usize;
-    let [height, width] = patch.map(|p| p.clamp(1, side));
-    let starts = |size: usize| {
-        let count = side.div_ceil(size);
-        (0..count).map(move |i| (side - size) * i / (count - 1).max(1))
-    };
-    let mut sum = vec![0.0; Statistics::LEN];
-    let mut windows = 0.0;
-    for top in starts(height) {
-        for left in starts(width) {
-            let size = (width as u32, height as u32);
-            let window = crop_imm(square, left as u32, top as u32, size.0, size.1).to_image();
-            let statistics = vgg.features(&picture(&window), height, width)?.statistics;
-            sum.iter_mut().zip(&statistics.0).for_each(|(s, x)| *s += x);
-            windows += 1.0;
-        }
-    }
-    sum.iter_mut().for_each(|s| *s /= windows);
-    Ok(Statistics(sum))
-}
-
 /// What styles to learn from.
 #[derive(Debug, Clone, Copy)]
 pub struct StyleSources<'a> {
     /// Paintings: whole and in random crops.
-    pub folder: Option<&'a StyleFolder>,
+    pub folder: Option<&'a PictureFolder>,
     /// Generated pictures beside them.
     pub generated: usize,
     /// Height and width of the patches that will be painted.
@@ -185,14 +140,15 @@ impl StyleSet {
     pub fn of_pictures(
         vgg: &Perceptual,
         pictures: &[RgbImage],
-        (patch, settings): ([usize; 2], &PictureConfig),
+        patch: [usize; 2],
+        settings: &PictureConfig,
     ) -> Result<Self, StyleError> {
         let (mut kept, mut windows) = (Vec::new(), Vec::new());
         for image in pictures {
             let square = square_crop(image, 1.0, (0.5, 0.5), settings.side);
-            let palette = ColorStatistics::of_picture(image);
-            let measured = |s| Arc::new(Measured::new(&s, palette));
-            kept.push(measured(statistics(vgg, &square)?));
+            let colors = ColorStatistics::of_picture(image);
+            let measured = |s| Arc::new(Measured::new(&s, colors));
+            kept.push(measured(square_statistics(vgg, &square)?));
             if settings.windowed {
                 windows.push(measured(window_statistics(vgg, &square, patch)?));
             }
@@ -222,17 +178,17 @@ impl StyleSet {
     /// If an index is not below [`Self::len`].
     pub fn style(&self, vae: &StyleVae, index: usize, other: Option<(usize, f32)>) -> Style {
         let one = &self.kept[index];
-        let (mut statistics, mut palette) = (one.statistics(), one.palette);
+        let (mut statistics, mut colors) = (one.statistics(), one.colors);
         if let Some((other, share)) = other {
             let other = &self.kept[other];
             statistics = statistics.mixed(&other.statistics(), share);
-            palette = palette.mixed(&other.palette, share);
+            colors = colors.mixed(&other.colors, share);
         }
         let shrunk = statistics.0.iter().zip(&self.shrinkage).map(|(x, s)| x * s);
         Style {
             target: Statistics(shrunk.collect()),
             code: vae.encode(&statistics),
-            palette,
+            colors,
         }
     }
 }
@@ -257,34 +213,4 @@ fn shrinkage(wholes: &[Arc<Measured>], windows: &[Arc<Measured>]) -> Vec<f32> {
         }
     })
     .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, reason = "a test may panic")]
-
-    use super::*;
-    use impasto_paintings::{Recipe, paint};
-
-    #[test]
-    fn window_statistics_are_the_mean_over_windows_that_cover_the_picture() {
-        let vgg = Perceptual::vgg16().unwrap();
-        let square = paint(&Recipe::random(7), STYLE_SIDE, STYLE_SIDE);
-        let side = STYLE_SIDE as usize;
-        let whole = window_statistics(&vgg, &square, [side, 4 * side]).unwrap();
-        assert_eq!(whole, statistics(&vgg, &square).unwrap());
-
-        // 100 of 160 rows: two windows, from rows 0 and 60.
-        let found = window_statistics(&vgg, &square, [100, side]).unwrap();
-        let window = |top| {
-            let part = crop_imm(&square, 0, top, STYLE_SIDE, 100).to_image();
-            vgg.features(&picture(&part), 100, side).unwrap().statistics
-        };
-        let wanted = window(0).mixed(&window(60), 0.5);
-        assert!(found.distance(&wanted) < 1e-9);
-        assert!(
-            found.distance(&whole) > 1e-6,
-            "windows differ from the whole"
-        );
-    }
 }

@@ -1,36 +1,29 @@
 //! `checkpoint.safetensors`: all that an interrupted run needs to go on as if nothing had been.
 
-use crate::budget::Budget;
-use crate::durable::write_verified;
 use crate::event::Stage;
-use crate::geometry_stage::GeometryProgress;
-use crate::identity::Identity;
-use crate::model_file::{Entry, Reader, floats, serialize};
-use crate::progress::Reported;
-use crate::style_stage::StyleProgress;
+use crate::geometry::GeometryProgress;
+use crate::run::progress::Reported;
+use crate::style::StyleProgress;
 use crate::{TrainError, hash::Hash};
 use burn::tensor::Device;
-use impasto_kernels::DensityGrid;
-use impasto_kernels::ops::AdamParam;
-use impasto_scene::file::{LARGEST_FILE, plainly, read_whole};
+use impasto_model::tensors::{Entry, TensorReader, serialize};
+use impasto_model::{Budget, CHECKPOINT_FILE, RunIdentity};
+use impasto_scene::file::{LARGEST_FILE, plainly, read_whole, write_verified};
 use safetensors::SafeTensors;
-use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// File name inside a model folder.
-pub const CHECKPOINT_FILE: &str = "checkpoint.safetensors";
 /// Keys of the JSON and of its hash with the tensors' in the file's metadata.
 const KEYS: [&str; 2] = ["impasto_checkpoint", "hash"];
 /// Raised when a checkpoint of an earlier version can no longer be read.
-pub(crate) const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 2;
 
 /// Where a run stands.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Position {
     pub(crate) version: u32,
-    pub(crate) identity: Identity,
+    pub(crate) identity: RunIdentity,
     /// Length that was asked for.
     pub(crate) budget: Budget,
     /// Time that the run has taken, all its parts together, and how much of it when the stage began.
@@ -70,17 +63,14 @@ impl Position {
         mut tensors: Vec<Entry>,
     ) -> Result<PathBuf, TrainError> {
         let path = folder.join(CHECKPOINT_FILE);
-        let failed = |e: &dyn std::error::Error| TrainError::Write {
-            path: path.clone(),
-            reason: e.to_string(),
-        };
+        let failed = |e: &dyn std::error::Error| TrainError::write(&path, &e);
         let json = serde_json::to_string(self).map_err(|e| failed(&e))?;
         tensors.sort_by(|a, b| a.name.cmp(&b.name));
         let all = tensors.iter().map(|entry| &entry.bytes[..]);
         let hash = hash_of(&json, all);
         let metadata = KEYS.map(str::to_owned).into_iter().zip([json, hash]);
         let bytes = serialize(&tensors, metadata.collect()).map_err(|e| failed(&e))?;
-        write_verified(&path, &bytes, &|read| opened(read).is_ok())?;
+        write_verified(&path, &bytes, &|read| opened(read).is_ok()).map_err(|e| failed(&e))?;
         Ok(path)
     }
 }
@@ -127,11 +117,11 @@ impl Checkpoint {
     pub(crate) fn restore(
         &self,
         device: &Device,
-        stage: impl FnOnce(&Reader<'_>) -> Result<(), String>,
+        stage: impl FnOnce(&TensorReader<'_>) -> Result<(), String>,
     ) -> Result<(), TrainError> {
         let tensors = SafeTensors::deserialize(&self.bytes).map_err(|e| e.to_string());
         let restored = tensors.and_then(|tensors| {
-            stage(&Reader {
+            stage(&TensorReader {
                 tensors: &tensors,
                 device,
             })
@@ -179,73 +169,4 @@ fn opened(bytes: &[u8]) -> Result<Position, String> {
         )),
         Err(e) => Err(damaged(&e)),
     }
-}
-
-/// Names of the tensors of parameter `i`.
-fn names(i: usize) -> [String; 3] {
-    ["value", "first", "second"].map(|part| format!("adam.{i}.{part}"))
-}
-
-/// Values and moments as tensors, and each parameter's steps.
-pub(crate) fn adam_entries<'a>(
-    params: impl Iterator<Item = &'a AdamParam>,
-) -> (Vec<u32>, Vec<Entry>) {
-    let (mut steps, mut entries) = (Vec::new(), Vec::new());
-    for (i, param) in params.enumerate() {
-        let (tensors, taken) = param.state();
-        steps.push(taken);
-        entries.extend(names(i).iter().zip(tensors).map(|(n, t)| floats(n, t)));
-    }
-    (steps, entries)
-}
-
-/// Sets parameters to what [`adam_entries`] has kept of them.
-pub(crate) fn restore_adam<'a>(
-    params: impl Iterator<Item = &'a mut AdamParam>,
-    steps: &[u32],
-    from: &Reader<'_>,
-) -> Result<(), String> {
-    let params: Vec<_> = params.collect();
-    if params.len() != steps.len() {
-        let (ours, theirs) = (params.len(), steps.len());
-        return Err(format!("holds {theirs} parameters, {ours} were expected"));
-    }
-    for (i, (param, steps)) in params.into_iter().zip(steps).enumerate() {
-        let [length] = param.value().dims();
-        let [value, first, second] = names(i).map(|name| from.floats(&name, length));
-        *param = AdamParam::resumed([value?, first?, second?], *steps);
-    }
-    Ok(())
-}
-
-/// A grid with what was observed of it.
-pub(crate) fn grid_entries(name: &str, grid: &DensityGrid) -> Vec<Entry> {
-    let observed = grid.observed();
-    let levels = crate::model_file::levels(&format!("{name}.grid"), grid);
-    let observed = (!observed.is_empty()).then(|| Entry {
-        name: format!("{name}.observed"),
-        dtype: Dtype::F32,
-        length: observed.len(),
-        bytes: observed.iter().flat_map(|o| o.to_le_bytes()).collect(),
-    });
-    [levels].into_iter().chain(observed).collect()
-}
-
-/// What [`grid_entries`] has kept of a grid like this one.
-pub(crate) fn restored_grid(
-    name: &str,
-    like: &DensityGrid,
-    from: &Reader<'_>,
-) -> Result<DensityGrid, String> {
-    let grid = from.grid(&format!("{name}.grid"))?;
-    if grid.cells() != like.cells() {
-        return Err(format!("holds a grid \"{name}\" of another size"));
-    }
-    let observed = format!("{name}.observed");
-    if from.tensors.tensor(&observed).is_err() {
-        return Ok(grid);
-    }
-    let numbers = from.numbers(&observed, like.cells())?;
-    grid.with_observed(numbers)
-        .ok_or_else(|| format!("holds \"{observed}\", which are no opacities"))
 }

@@ -1,8 +1,8 @@
 //! `log.jsonl`: the event stream, one line each, with the seconds since the start.
 
 use crate::TrainError;
-use crate::budget::Stopwatch;
 use crate::event::Event;
+use impasto_model::Stopwatch;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;

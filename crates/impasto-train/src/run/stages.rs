@@ -1,24 +1,22 @@
 //! The stages of a run one after the other, with checkpoints in between.
 
 use crate::TrainError;
-use crate::budget::{Budget, Clock, Stopwatch};
-use crate::checkpoint::{self, Checkpoint, Position, StageProgress};
-use crate::durable::write_whole;
 use crate::event::{Event, Stage};
-use crate::geometry_stage::GeometryStage;
-use crate::identity::Identity;
-use crate::log::Log;
-use crate::model::{StyleEmbedding, Model};
-use crate::model_file::{Entry, Finished, ModelFile, ModelPhoto, ModelScene, Quality, Reader};
-use crate::patches::Frozen;
-use crate::progress::Progress;
-use crate::rays::photo_rays;
-use crate::style_folder::StyleFolder;
-use crate::style_stage::StyleStage;
-use crate::styles::{StyleSet, StyleSources};
-use crate::train::{Stages, TrainOptions};
-use crate::validation;
-use impasto_scene::Scene;
+use crate::geometry::{GeometryStage, TrainedGeometry, photo_rays};
+use crate::paintings::{StyleSet, StyleSources};
+use crate::run::checkpoint::{self, Checkpoint, Position, StageProgress};
+use crate::run::log::Log;
+use crate::run::options::TrainOptions;
+use crate::run::progress::Progress;
+use crate::run::validation;
+use crate::style::{StyleNetworks, StyleStage};
+use impasto_model::tensors::{Entry, TensorReader};
+use impasto_model::{
+    Budget, Clock, Model, ModelFile, ModelPhoto, ModelScene, Quality, RunIdentity, Stages,
+    Stopwatch, StyleEmbedding, TrainingRecord,
+};
+use impasto_scene::file::write_atomic;
+use impasto_scene::{PictureFolder, Scene};
 use impasto_style::{Perceptual, StyleVae};
 use std::time::{Duration, Instant};
 
@@ -42,13 +40,13 @@ pub(crate) fn end_of_stages(total: Duration, geometry_share: f64) -> [Duration; 
 /// A run at work.
 pub(crate) struct Run<'a> {
     pub(crate) options: &'a TrainOptions,
-    pub(crate) identity: Identity,
+    pub(crate) identity: RunIdentity,
     pub(crate) scene: Scene,
     pub(crate) watch: Stopwatch,
     /// When the last checkpoint was written.
     pub(crate) saved: Instant,
     pub(crate) log: Log<'a>,
-    pub(crate) paintings: Option<StyleFolder>,
+    pub(crate) paintings: Option<PictureFolder>,
     pub(crate) encoder: Option<StyleVae>,
     /// Files of the style folder that are no pictures.
     pub(crate) unreadable: usize,
@@ -83,7 +81,7 @@ trait Steps {
     fn progress(&self) -> (StageProgress, Vec<Entry>);
 
     /// Goes on from what a checkpoint has kept.
-    fn restore(&mut self, progress: &StageProgress, from: &Reader<'_>) -> Result<(), String>;
+    fn restore(&mut self, progress: &StageProgress, from: &TensorReader<'_>) -> Result<(), String>;
 }
 
 /// What a checkpoint says where another stage's memory is found than the one that it names.
@@ -102,7 +100,7 @@ impl Steps for GeometryStage {
         (StageProgress::Geometry(progress), entries)
     }
 
-    fn restore(&mut self, progress: &StageProgress, from: &Reader<'_>) -> Result<(), String> {
+    fn restore(&mut self, progress: &StageProgress, from: &TensorReader<'_>) -> Result<(), String> {
         match progress {
             StageProgress::Geometry(progress) => Self::restore(self, progress, from),
             StageProgress::Style(_) => other_stage(),
@@ -122,7 +120,7 @@ impl Steps for StyleStage {
         (StageProgress::Style(progress), entries)
     }
 
-    fn restore(&mut self, progress: &StageProgress, from: &Reader<'_>) -> Result<(), String> {
+    fn restore(&mut self, progress: &StageProgress, from: &TensorReader<'_>) -> Result<(), String> {
         match progress {
             StageProgress::Style(progress) => Self::restore(self, progress, from),
             StageProgress::Geometry(_) => other_stage(),
@@ -150,7 +148,7 @@ impl Run<'_> {
         let folder = self.paintings.as_ref();
         // Unreadable entries of the listing were never among the files.
         let found = folder.map_or(0, |f| f.files.len() + f.unreadable.len());
-        file.finished = Some(Finished {
+        file.finished = Some(TrainingRecord {
             identity: self.identity.clone(),
             budget: self.options.budget,
             geometry_steps,
@@ -169,7 +167,7 @@ impl Run<'_> {
 
     /// The model that the interrupted run has left between its stages.
     fn geometry_model(&self) -> Result<ModelFile, TrainError> {
-        ModelFile::load(&self.options.output, &self.options.device)
+        Ok(ModelFile::load(&self.options.output, &self.options.device)?)
     }
 
     /// A stage begins, after as many steps of geometry.
@@ -217,20 +215,19 @@ impl Run<'_> {
         let mut stage = GeometryStage::new(&self.scene, config, options.seed, &options.device);
         let place = self.started(Stage::Geometry, 0);
         let steps = self.steps_of(&mut stage, place)?;
-        let (weights, grids, photo_app) = stage.snapshot();
+        let TrainedGeometry { radiance, grids } = stage.snapshot();
         let mut file = ModelFile {
             config: config.clone(),
             scene: model_scene(&self.scene),
             quality: Quality::default(),
             seed: options.seed,
-            weights,
+            radiance,
             grids,
-            photo_app,
             style: None,
             encoder: None,
             finished: None,
         };
-        let model = Model::from_file(file.clone(), options.device.clone());
+        let model = Model::from_file(file.clone());
         let limit = match options.budget {
             Budget::Time(time) => time.mul_f64(COMPARISON),
             Budget::Steps(_) => Duration::MAX,
@@ -325,14 +322,10 @@ impl Run<'_> {
     fn preview(&mut self, name: &str, picture: &image::RgbImage) -> Result<(), TrainError> {
         let path = self.options.output.join("previews").join(name);
         let mut bytes = std::io::Cursor::new(Vec::new());
-        let failed = |reason: String| TrainError::Write {
-            path: path.clone(),
-            reason,
-        };
         picture
             .write_to(&mut bytes, image::ImageFormat::Png)
-            .map_err(|e| failed(e.to_string()))?;
-        write_whole(&path, bytes.get_ref())?;
+            .map_err(|e| TrainError::write(&path, &e))?;
+        write_atomic(&path, bytes.get_ref()).map_err(|e| TrainError::write(&path, &e))?;
         self.log.event(&Event::Preview { path });
         Ok(())
     }
@@ -357,20 +350,19 @@ impl Run<'_> {
             .map(|index| styles.style(&vae, index, None))
             .map(|style| StyleEmbedding {
                 code: style.code,
-                palette: style.palette,
+                colors: style.colors,
             })
             .collect();
         let photos = photo_rays(self.scene.train().map(|(_, p)| p));
-        let frozen = Frozen {
-            weights: file.weights.clone(),
+        let geometry = TrainedGeometry {
+            radiance: file.radiance.clone(),
             grids: file.grids.clone(),
-            photo_app: file.photo_app.clone(),
         };
         let mut stage = StyleStage::new(
             &file.config,
-            frozen,
+            geometry,
             photos,
-            (vgg, vae),
+            StyleNetworks { vgg, vae },
             styles,
             self.options.seed,
             &self.options.device,
@@ -378,7 +370,7 @@ impl Run<'_> {
         place.began = self.watch.elapsed();
         let steps = self.steps_of(&mut stage, place)?;
         file.style = Some(stage.snapshot());
-        let model = Model::from_file(file.clone(), self.options.device.clone());
+        let model = Model::from_file(file.clone());
         if let Some(preview) = validation::style_preview(&model, &shown) {
             self.preview("style.png", &preview)?;
         }

@@ -1,87 +1,21 @@
 //! A whole run: capture and paintings in, model folder out.
 
 use crate::TrainError;
-use crate::budget::{Budget, Stopwatch};
-use crate::checkpoint::Checkpoint;
-use crate::config::TrainConfig;
-use crate::durable::FolderLock;
-use crate::encoder::read_encoder;
 use crate::event::Event;
-use crate::identity::Identity;
-use crate::log::Log;
-use crate::model_file::{MODEL_FILE, ModelFile};
-use crate::recovery::{Recovery, Unfinished};
-use crate::run::{Earlier, Run};
-use crate::style_folder::StyleFolder;
-use burn::tensor::Device;
-use impasto_scene::{Format, LoadOptions, MaskUse, Scene};
+use crate::paintings::painting_folder;
+use crate::run::checkpoint::Checkpoint;
+use crate::run::identity::identity_of;
+use crate::run::lock::FolderLock;
+use crate::run::log::Log;
+use crate::run::options::{TrainOptions, TrainSummary};
+use crate::run::recovery::Unfinished;
+use crate::run::stages::{Earlier, Run};
+use crate::style::read_encoder;
+use impasto_model::{MODEL_FILE, ModelFile, RunIdentity, Stages, Stopwatch};
+use impasto_scene::{LoadOptions, Scene};
 use impasto_style::StyleVae;
-use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
-
-/// What to train, on what, for how long.
-#[derive(Debug, Clone)]
-pub struct TrainOptions {
-    /// The capture.
-    pub scene: PathBuf,
-    /// The model folder.
-    pub output: PathBuf,
-    /// A folder of paintings, with its sub-folders; without one, generated pictures only.
-    pub styles: Option<PathBuf>,
-    /// An encoder made by [`crate::train_encoder`], which the model then carries; without one,
-    /// the shipped one.
-    pub encoder: Option<PathBuf>,
-    /// Folder where statistics of paintings are kept for later runs; `None` keeps nothing.
-    pub cache: Option<PathBuf>,
-    /// Stages.
-    pub stages: Stages,
-    /// Sizes and rates.
-    pub config: TrainConfig,
-    /// Limit on the whole run, loading and final checks included.
-    pub budget: Budget,
-    /// Photos are shrunk this many times.
-    pub downscale: u32,
-    /// Overrides the detected format.
-    pub format: Option<Format>,
-    /// What becomes of pixels that a mask hides.
-    pub masks: MaskUse,
-    /// Seed of everything random.
-    pub seed: u64,
-    /// What the stages compute on; see [`crate::DeviceChoice`].
-    pub device: Device,
-    /// How the run can be interrupted and go on.
-    pub recovery: Recovery,
-}
-
-/// What a run came to.
-#[derive(Debug, Clone, Serialize)]
-pub struct TrainSummary {
-    /// The model folder.
-    pub model: PathBuf,
-    /// Mean PSNR of held-out views, dB.
-    pub psnr: f64,
-    /// Mean SSIM of held-out views.
-    pub ssim: f64,
-    /// Held-out views.
-    pub views: usize,
-    /// Seconds that the run took, all its parts together where it was interrupted.
-    pub seconds: f64,
-    /// Steps of the geometry stage.
-    pub geometry_steps: u64,
-    /// Steps of the style stage.
-    pub style_steps: u64,
-    /// Training photos.
-    pub train_photos: usize,
-    /// Files in the style folder, less those that are known to be no pictures.
-    pub paintings: usize,
-    /// Files in the style folder that the style stage found to be no pictures.
-    pub unreadable_paintings: usize,
-    /// Whether the photos were made by a program.
-    pub synthetic: bool,
-    /// Whether the run was over before, so that nothing was left to resume.
-    pub finished_before: bool,
-}
 
 /// Trains and writes a model folder.
 ///
@@ -106,9 +40,9 @@ pub fn train(
     let scene = impasto_scene::load(&options.scene, &load)?;
     check_sizes(&scene, options)?;
     let paintings = options.styles.as_deref();
-    let paintings = paintings.map(StyleFolder::of_paintings).transpose()?;
+    let paintings = paintings.map(painting_folder).transpose()?;
     let encoder = options.encoder.as_deref().map(read_encoder).transpose()?;
-    let identity = Identity::of(options, &scene, paintings.as_ref(), encoder.as_ref())?;
+    let identity = identity_of(options, &scene, paintings.as_ref(), encoder.as_ref())?;
     // Before anything is written.
     let trained = continued(options, &scene, encoder.clone())?;
     let _lock = FolderLock::take(&options.output)?;
@@ -150,7 +84,7 @@ pub fn train(
 /// The folder's checkpoint, if it is there and to be continued.
 fn unfinished(
     options: &TrainOptions,
-    identity: &Identity,
+    identity: &RunIdentity,
 ) -> Result<Option<Checkpoint>, TrainError> {
     let folder = &options.output;
     if options.recovery.unfinished == Unfinished::Discard {
@@ -173,7 +107,7 @@ fn unfinished(
 }
 
 /// The folder's model, if it is what a finished run of the same kind and length has made.
-fn finished(options: &TrainOptions, identity: &Identity) -> Result<Option<ModelFile>, TrainError> {
+fn finished(options: &TrainOptions, identity: &RunIdentity) -> Result<Option<ModelFile>, TrainError> {
     let path = options.output.join(MODEL_FILE);
     if !path.is_file() {
         return Ok(None);
@@ -191,7 +125,7 @@ fn finished(options: &TrainOptions, identity: &Identity) -> Result<Option<ModelF
     Ok(same.then_some(file))
 }
 
-fn check_same_run(folder: &Path, ours: &Identity, theirs: &Identity) -> Result<(), TrainError> {
+fn check_same_run(folder: &Path, ours: &RunIdentity, theirs: &RunIdentity) -> Result<(), TrainError> {
     match ours.difference(theirs) {
         Some(difference) => Err(TrainError::Resume {
             folder: folder.to_owned(),
@@ -202,7 +136,7 @@ fn check_same_run(folder: &Path, ours: &Identity, theirs: &Identity) -> Result<(
 }
 
 /// What makes the end of a resumed run another than that of the run that it continues.
-fn changes(options: &TrainOptions, identity: &Identity, earlier: &Checkpoint) -> Vec<String> {
+fn changes(options: &TrainOptions, identity: &RunIdentity, earlier: &Checkpoint) -> Vec<String> {
     let position = &earlier.position;
     let mut changes = Vec::new();
     if position.budget != options.budget {

@@ -1,8 +1,7 @@
 //! Held-out views, rendered and compared with their photos.
 
-use crate::model::{StyleEmbedding, Model, RenderedView};
-use crate::model_file::Quality;
 use image::{RgbImage, imageops};
+use impasto_model::{Model, Quality, StyleEmbedding};
 use impasto_scene::{Scene, Split, metrics};
 use impasto_style::picture;
 use std::time::{Duration, Instant};
@@ -14,7 +13,7 @@ const PREVIEW_SIDE: u32 = 320;
 /// that fit, at least one); also returns photo and render of the first, side by side.
 pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Option<RgbImage>) {
     let start = Instant::now();
-    let look = model.photo_appearance();
+    let photo_appearance = model.photo_appearance();
     let mut quality = Quality::default();
     let mut preview = None;
     for (_, photo) in scene.test() {
@@ -23,10 +22,11 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
         if quality.views > 0 && start.elapsed() + ahead > limit {
             break;
         }
-        let view = model.render(&photo.camera, &[&look]);
+        let view = model.render(&photo.camera, &[&photo_appearance]);
         let truth = picture(&photo.pixels);
         let pair = [&view.pixels[0], &truth].map(Vec::as_slice);
-        let (psnr, ssim) = compare(pair, (view.width, view.height), photo.mask.as_deref());
+        let size = [view.width, view.height];
+        let (psnr, ssim) = compare(pair, size, photo.mask.as_deref());
         quality.psnr += storable(psnr);
         quality.ssim += storable(ssim);
         quality.views += 1;
@@ -40,10 +40,11 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
 
 /// PSNR and SSIM of a render and its photo, of the pixels that show the place.
 fn compare(
-    [view, truth]: [&[f32]; 2],
-    (width, height): (usize, usize),
+    pair: [&[f32]; 2],
+    size: [usize; 2],
     mask: Option<&[bool]>,
 ) -> (f64, f64) {
+    let ([view, truth], [width, height]) = (pair, size);
     match mask {
         None => (
             metrics::psnr(view, truth),
@@ -66,7 +67,7 @@ fn storable(measure: f64) -> f64 {
 }
 
 /// The first held-out view in its own look and in some styles, side by side and small.
-pub fn style_preview(model: &Model, inspirations: &[StyleEmbedding]) -> Option<RgbImage> {
+pub fn style_preview(model: &Model, embeddings: &[StyleEmbedding]) -> Option<RgbImage> {
     let photos = &model.file.scene.photos;
     let camera = photos
         .iter()
@@ -77,23 +78,12 @@ pub fn style_preview(model: &Model, inspirations: &[StyleEmbedding]) -> Option<R
     let scale = f64::from(PREVIEW_SIDE) / f64::from(k.width.max(k.height)).max(1.0);
     let shrink = |side: u32| ((f64::from(side) * scale.min(1.0)) as u32).max(1);
     let camera = camera.resized(shrink(k.width), shrink(k.height));
-    let mut looks = vec![model.photo_appearance()];
-    looks.extend(inspirations.iter().filter_map(|i| model.look(i)));
-    let view = model.render(&camera, &looks.iter().collect::<Vec<_>>());
+    let mut appearances = vec![model.photo_appearance()];
+    appearances.extend(embeddings.iter().filter_map(|e| model.appearance(e)));
+    let view = model.render(&camera, &appearances.iter().collect::<Vec<_>>());
     Some(beside(
-        &(0..looks.len()).map(|i| view.image(i)).collect::<Vec<_>>(),
+        &(0..appearances.len()).map(|i| view.image(i)).collect::<Vec<_>>(),
     ))
-}
-
-impl RenderedView {
-    /// One look as 8-bit pixels.
-    pub fn image(&self, look: usize) -> RgbImage {
-        let bytes = self.pixels[look]
-            .iter()
-            .map(|v| (v * 255.0).round() as u8)
-            .collect();
-        RgbImage::from_raw(self.width as u32, self.height as u32, bytes).unwrap_or_default()
-    }
 }
 
 fn beside(pictures: &[RgbImage]) -> RgbImage {

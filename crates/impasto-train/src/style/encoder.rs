@@ -1,14 +1,15 @@
 //! Training and checking of the encoder that turns a painting's statistics into a style code.
 
 use crate::TrainError;
-use crate::config::{PictureConfig, TrainConfig};
 use crate::event::Event;
-use crate::measuring::{Measurer, Sampling, parts, warn_of_unreadable};
-use crate::progress::{REPORT_EVERY, Smooth};
-use crate::style_folder::{StyleFile, StyleFolder};
-use crate::styles::STYLE_SIDE;
+use crate::paintings::measure::{Measurer, Sampling, parts, warn_of_unreadable};
+use crate::paintings::painting_folder;
+use crate::smooth::{REPORT_EVERY, Smooth};
 use burn::tensor::Device;
+use impasto_model::config::PictureConfig;
+use impasto_model::{STYLE_SIDE, TrainConfig};
 use impasto_scene::file::{LARGEST_FILE, plainly, read_whole};
+use impasto_scene::{PictureFile, PictureFolder};
 use impasto_style::{
     Network, Perceptual, Statistics, StyleError, StyleInput, StyleVae, VaeTraining, train_vae,
 };
@@ -99,9 +100,9 @@ pub fn train_encoder(
     sink: &mut dyn FnMut(&Event),
 ) -> Result<(StyleVae, EncoderSummary), TrainError> {
     let start = Instant::now();
-    let mut folder = StyleFolder::of_paintings(&options.styles)?;
+    let mut folder = painting_folder(&options.styles)?;
     let heldout = match &options.heldout {
-        Some(dir) => StyleFolder::of_paintings(dir)?,
+        Some(dir) => painting_folder(dir)?,
         None => hold_out(&mut folder),
     };
     let vgg = options.network.load()?;
@@ -113,8 +114,8 @@ pub fn train_encoder(
         ..wholes(options.side)
     };
     // Before the training: a folder that cannot be used is no reason to lose it.
-    let (unseen, unreadable) = vectors((&vgg, cache), &heldout, &wholes(options.side), sink)?;
-    let (set, _) = vectors((&vgg, cache), &folder, &sampling, sink)?;
+    let (unseen, unreadable) = vectors(&vgg, cache, &heldout, &wholes(options.side), sink)?;
+    let (set, _) = vectors(&vgg, cache, &folder, &sampling, sink)?;
     let training = VaeTraining {
         input: options.input,
         steps: options.steps,
@@ -147,13 +148,14 @@ pub fn train_encoder(
 /// If the folder cannot be read or holds no picture.
 pub fn check_encoder(
     vae: &StyleVae,
-    (heldout, side): (&Path, u32),
+    heldout: &Path,
+    side: u32,
     cache: Option<&Path>,
     sink: &mut dyn FnMut(&Event),
 ) -> Result<EncoderCheck, TrainError> {
-    let folder = StyleFolder::of_paintings(heldout)?;
+    let folder = painting_folder(heldout)?;
     let vgg = vae.network().load()?;
-    let (set, unreadable) = vectors((&vgg, cache), &folder, &wholes(side), sink)?;
+    let (set, unreadable) = vectors(&vgg, cache, &folder, &wholes(side), sink)?;
     Ok(EncoderCheck::of(vae, &set, unreadable))
 }
 
@@ -203,8 +205,9 @@ impl EncoderCheck {
 
 /// Statistics of a folder's pictures, and the number of files that are none.
 fn vectors(
-    (vgg, cache): (&Perceptual, Option<&Path>),
-    folder: &StyleFolder,
+    vgg: &Perceptual,
+    cache: Option<&Path>,
+    folder: &PictureFolder,
     sampling: &Sampling,
     sink: &mut dyn FnMut(&Event),
 ) -> Result<(Vec<Statistics>, usize), TrainError> {
@@ -223,14 +226,14 @@ fn vectors(
 }
 
 /// Takes every 8th painting out of a folder.
-fn hold_out(folder: &mut StyleFolder) -> StyleFolder {
+fn hold_out(folder: &mut PictureFolder) -> PictureFolder {
     let (heldout, rest): (Vec<_>, Vec<_>) = std::mem::take(&mut folder.files)
         .into_iter()
         .enumerate()
         .partition(|(i, _)| i % HELD_OUT == 0);
-    let files = |all: Vec<(usize, StyleFile)>| all.into_iter().map(|(_, file)| file).collect();
+    let files = |all: Vec<(usize, PictureFile)>| all.into_iter().map(|(_, file)| file).collect();
     folder.files = files(rest);
-    StyleFolder {
+    PictureFolder {
         path: folder.path.clone(),
         files: files(heldout),
         unreadable: Vec::new(),

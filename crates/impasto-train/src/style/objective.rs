@@ -1,8 +1,8 @@
 //! What the style stage asks of a painted patch (PAPER §8).
 
-use crate::config::StyleConfig;
-use crate::patches::{FrozenPatch, PatchPool};
+use crate::style::patches::{FrozenPatch, PatchPool};
 use burn::tensor::Tensor;
+use impasto_model::config::StyleConfig;
 use impasto_style::{Perceptual, Statistics, losses};
 
 /// Perceptual losses of painted patches.
@@ -42,7 +42,8 @@ impl Objective<'_> {
         &self,
         colours: Tensor<2>,
         patch: &FrozenPatch,
-        (target, styled): (&Statistics, bool),
+        target: &Statistics,
+        styled: bool,
     ) -> Losses {
         let settings = self.settings;
         let pixels = self.patches.averaged(colours.clone());
@@ -52,17 +53,18 @@ impl Objective<'_> {
         let mut total = content.clone() * settings.content_weight;
         if styled {
             let style = likeness.clone() * settings.style_weight;
-            total = total
-                + match settings.weigh_paintings {
-                    true => style * self.patches.ease(target),
-                    false => style,
-                };
+            let style = if settings.normalize_style_loss {
+                style * self.patches.style_loss_scale(target)
+            } else {
+                style
+            };
+            total = total + style;
         }
         if settings.photo_weight > 0.0 {
             total = total + difference(pixels, patch.pixels.clone()) * settings.photo_weight;
         }
-        if settings.roughness_weight > 0.0 {
-            total = total + self.patches.roughness(colours) * settings.roughness_weight;
+        if settings.smoothness_weight > 0.0 {
+            total = total + self.patches.smoothness(colours) * settings.smoothness_weight;
         }
         Losses {
             total,

@@ -1,29 +1,16 @@
 //! Patches of photos with their frozen geometry, drawn again and again.
 
-use crate::config::{ContentTarget, StyleConfig};
-use crate::palette::ColorStatistics;
-use crate::rays::{CameraRays, PhotoRays};
+use crate::geometry::PhotoRays;
 use burn::tensor::Tensor;
 use impasto_field::encoding::matrix;
-use impasto_field::{
-    Appearance, AppearanceConfig, Field, FieldWeights, Grids, Paintable, RayBatch, prepare_rays,
-};
+use impasto_field::{Appearance, AppearanceConfig, GBuffer, GBufferOptions, RayBatch, Renderer};
+use impasto_model::config::{ContentTarget, StyleConfig};
+use impasto_model::{CameraRays, ColorStatistics};
 use impasto_style::{PatchSampler, Perceptual, Statistics, StyleError};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// What the geometry stage left, never changed again.
-#[derive(Debug, Clone)]
-pub struct Frozen {
-    /// Weights of both volumes.
-    pub weights: FieldWeights,
-    /// Density grids.
-    pub grids: Grids,
-    /// The look of the photos.
-    pub photo_app: Appearance,
-}
 
 /// One patch: all that a style update needs and that no style changes, constants of an autodiff
 /// graph.
@@ -31,7 +18,7 @@ pub struct Frozen {
 pub struct FrozenPatch {
     /// Samples with features and densities: of the first field of a cascade, where there is one,
     /// then of the field. Each in parts, ray after ray.
-    pub levels: Vec<Vec<Paintable>>,
+    pub levels: Vec<Vec<GBuffer>>,
     /// The perceptual network's content feature of the unstylised patch, and its statistics.
     pub content: Tensor<1>,
     statistics: Tensor<1>,
@@ -43,7 +30,7 @@ impl FrozenPatch {
     /// Number of rays.
     pub fn rays(&self) -> usize {
         let field = self.levels.last().into_iter().flatten();
-        field.map(Paintable::rays).sum()
+        field.map(GBuffer::rays).sum()
     }
 }
 
@@ -58,10 +45,9 @@ const LEAST_DISTANCE: f32 = 0.2;
 
 /// Marching rays through the field costs more than a style update does, so each patch is used
 /// several times, with other patches in between.
-#[derive(Debug)]
 pub struct PatchPool {
-    field: Field,
-    frozen: Frozen,
+    renderer: Renderer,
+    photo_app: Appearance,
     photos: Vec<PhotoRays>,
     /// The nearest other photos of each.
     neighbours: Vec<Vec<usize>>,
@@ -74,7 +60,7 @@ pub struct PatchPool {
     least_weight: f32,
     capacity: usize,
     uses: u64,
-    palette: ColorStatistics,
+    colors: ColorStatistics,
     kept: Vec<Kept>,
     drawn: u64,
     made: u64,
@@ -99,28 +85,29 @@ pub(crate) struct PoolProgress {
 impl PatchPool {
     /// An empty pool.
     pub fn new(
-        (settings, app): (&StyleConfig, &AppearanceConfig),
-        field: Field,
-        frozen: Frozen,
+        settings: &StyleConfig,
+        app: AppearanceConfig,
+        renderer: Renderer,
+        photo_app: Appearance,
         photos: Vec<PhotoRays>,
     ) -> Self {
         let all = photos.iter().flat_map(PhotoRays::used_colours);
         Self {
-            palette: ColorStatistics::of(all.step_by(PALETTE_STEP)),
+            colors: ColorStatistics::of(all.step_by(PALETTE_STEP)),
             neighbours: neighbours(&photos),
             novel_views: settings.novel_views.into(),
             target: settings.content_target,
             supersampling: settings.supersampling,
             rays_at_once: settings.rays_at_once,
-            field,
-            frozen,
+            renderer,
+            photo_app,
             photos,
             sampler: PatchSampler {
                 size: settings.patch,
                 strides: settings.strides,
                 reference: settings.pictures.side as usize,
             },
-            app: app.clone(),
+            app,
             least_weight: settings.least_weight,
             capacity: settings.pool,
             uses: settings.patch_uses,
@@ -131,8 +118,8 @@ impl PatchPool {
     }
 
     /// The colours of all photos together.
-    pub fn palette(&self) -> &ColorStatistics {
-        &self.palette
+    pub fn colors(&self) -> &ColorStatistics {
+        &self.colors
     }
 
     /// What the style loss of a painting is multiplied with, so that all paintings count alike:
@@ -143,7 +130,7 @@ impl PatchPool {
     ///
     /// # Panics
     /// If no patch was drawn yet.
-    pub fn ease(&self, target: &Statistics) -> Tensor<1> {
+    pub fn style_loss_scale(&self, target: &Statistics) -> Tensor<1> {
         let kept: Vec<Tensor<1>> = self
             .kept
             .iter()
@@ -243,26 +230,21 @@ impl PatchPool {
                 }
             }
         }
-        let Frozen {
-            weights,
-            grids,
-            photo_app,
-        } = &self.frozen;
-        let photo = (target == ContentTarget::Render).then_some(photo_app);
-        let prepared = prepare_rays(
-            (&self.field, weights, grids),
-            photo,
-            (&self.app, self.least_weight, self.rays_at_once),
-            &batch,
-            rng.random(),
-        );
-        let wanted = prepared
-            .colours
-            .unwrap_or_else(|| matrix(wanted, 3, &photo_app.inner.device()));
+        let options = GBufferOptions {
+            config: &self.app,
+            photo: (target == ContentTarget::Render).then_some(&self.photo_app),
+            seed: Some(rng.random()),
+            least_weight: self.least_weight,
+            rays_at_once: Some(self.rays_at_once),
+        };
+        let buffers = self.renderer.gbuffer(&batch, &options);
+        let wanted = buffers
+            .photo
+            .unwrap_or_else(|| matrix(wanted, 3, &self.renderer.device()));
         let pixels = self.averaged(wanted).clamp(0.0, 1.0);
         let [content, statistics] = vgg.features_of(pixels.clone())?.map(Tensor::from_inner);
         Ok(FrozenPatch {
-            levels: lifted(prepared.levels),
+            levels: lifted(buffers.levels),
             content,
             statistics,
             pixels: Tensor::from_inner(pixels),
@@ -290,7 +272,7 @@ impl PatchPool {
     ///
     /// # Shapes
     /// `composite`: `[rays, 3 or more]`; result: one number.
-    pub fn roughness(&self, composite: Tensor<2>) -> Tensor<1> {
+    pub fn smoothness(&self, composite: Tensor<2>) -> Tensor<1> {
         let [height, width] = self.sampler.size.map(|side| side * self.supersampling);
         let colours = composite.slice_dim(1, 0..3).reshape([height, width, 3]);
         let along = |axis: usize, length: usize| {
@@ -315,8 +297,8 @@ impl PatchPool {
 }
 
 /// The same as constants of an autodiff graph.
-fn lifted(levels: Vec<Vec<Paintable>>) -> Vec<Vec<Paintable>> {
-    let turns = |level: Vec<Paintable>| level.into_iter().map(Paintable::lifted).collect();
+fn lifted(levels: Vec<Vec<GBuffer>>) -> Vec<Vec<GBuffer>> {
+    let turns = |level: Vec<GBuffer>| level.into_iter().map(GBuffer::lifted).collect();
     levels.into_iter().map(turns).collect()
 }
 
@@ -354,12 +336,11 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
     use super::*;
-    use crate::config::TrainConfig;
-    use crate::rays::tests::sized_camera;
+    use crate::geometry::tests::sized_camera;
     use burn::tensor::Device;
     use glam::DVec3;
-    use impasto_field::EncodingConfig;
-    use impasto_field::render::host;
+    use impasto_field::{EncodingConfig, Field, OccupancyGrids, SamplingConfig, host};
+    use impasto_model::TrainConfig;
     use impasto_style::PatchStrides;
     use rand::SeedableRng;
 
@@ -395,19 +376,22 @@ mod tests {
         for volume in [&mut config.field.inner, &mut config.field.outer] {
             volume.encoding = EncodingConfig::Frequency { bands: 2 };
         }
-        config.field.sampling.inner_grid = 8;
-        config.field.sampling.outer_grid = 8;
+        let SamplingConfig::Occupancy(spec) = &mut config.field.sampling else {
+            unreachable!("the preset samples by density grids");
+        };
+        (spec.inner_grid, spec.outer_grid) = (8, 8);
+        let grids = OccupancyGrids::uniform(spec, 1.0);
         config.style.patch = patch;
         config.style.patch_uses = 3;
         config.style.pool = 2;
         let field = Field::new(config.field.clone());
         let (mut rng, device) = (Pcg64::seed_from_u64(1), Device::flex());
-        let frozen = Frozen {
-            weights: field.init(&mut rng, &device),
-            grids: field.grids(1.0, None),
-            photo_app: Appearance::init(config.photo_app, field.features(), &mut rng, &device),
-        };
-        PatchPool::new((&config.style, &config.style_app), field, frozen, photos)
+        let weights = field.init(&mut rng, &device);
+        let photo_app = config.photo_appearance();
+        let photo_app = Appearance::init(photo_app, field.features(), &mut rng, &device);
+        let renderer = Renderer::reference(field, weights, Some(grids));
+        let app = config.style_appearance();
+        PatchPool::new(&config.style, app, renderer, photo_app, photos)
     }
 
     #[test]
@@ -462,24 +446,24 @@ mod tests {
         let pool = pool(vec![photo(0.0, 0.0)], [4, 5]);
         let rows = 2 * 4;
         let columns = 2 * 5;
-        let roughness = |shade: fn(usize, usize) -> f32| {
+        let smoothness = |shade: fn(usize, usize) -> f32| {
             let rays = (0..rows * columns).flat_map(|i| {
                 let shade = shade(i / columns, i % columns);
                 // What comes after the colours does not count.
                 [shade, shade, shade, i as f32]
             });
             let rays = matrix(rays.collect(), 4, &Device::flex());
-            pool.roughness(rays).into_scalar::<f32>()
+            pool.smoothness(rays).into_scalar::<f32>()
         };
-        assert!(roughness(|y, x| 0.02 * x as f32 + 0.05 * y as f32) < 1e-9);
+        assert!(smoothness(|y, x| 0.02 * x as f32 + 0.05 * y as f32) < 1e-9);
         // From 0 to 1 and back is a second difference of 2, in one direction.
         for stripes in [
-            roughness(|_, x| (x % 2) as f32),
-            roughness(|y, _| (y % 2) as f32),
+            smoothness(|_, x| (x % 2) as f32),
+            smoothness(|y, _| (y % 2) as f32),
         ] {
             assert!((stripes - 4.0).abs() < 1e-5, "{stripes}");
         }
-        let coarse = roughness(|_, x| (x / 2 % 2) as f32);
+        let coarse = smoothness(|_, x| (x / 2 % 2) as f32);
         assert!((coarse - 1.0).abs() < 1e-5, "{coarse}");
     }
 

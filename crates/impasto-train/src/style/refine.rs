@@ -1,27 +1,29 @@
-//! Looks that go on learning from their own painting.
+//! Appearances that go on learning from their own painting.
 
-use crate::budget::{Budget, Clock, Looks};
-use crate::config::{ContentTarget, StyleConfig};
-use crate::model::{StyleEmbedding, Look, Model};
-use crate::objective::Objective;
-use crate::painted;
-use crate::patches::{Frozen, PatchPool};
-use crate::rays::{CameraRays, PhotoRays};
-use crate::styles::{statistics, window_statistics};
+use crate::geometry::PhotoRays;
+use crate::optimizer::{Adam, Rate};
+use crate::paintings::window_statistics;
+use crate::readback::ReadbackSchedule;
+use crate::style::chunks::loss_of;
+use crate::style::objective::Objective;
+use crate::style::patches::PatchPool;
 use burn::tensor::Tensor;
 use image::RgbImage;
-use impasto_field::{Appearance, Canvas, Field, render::host};
-use impasto_kernels::ops::AdamParam;
+use impasto_field::{Appearance, Field, Parameters, Renderer, host};
+use impasto_model::config::{ContentTarget, StyleConfig};
+use impasto_model::{
+    Budget, CameraRays, Clock, Model, StyleEmbedding, StyledAppearance, square_statistics,
+};
 use impasto_scene::Split;
 use impasto_style::{Perceptual, Statistics, StyleError, square_crop};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-/// Brings looks closer to their paintings than hypernetworks do that have to know all of them: from
+/// Brings appearances closer to their paintings than hypernetworks do that have to know all of them: from
 /// the weights W^app that these predict, those weights alone go on learning, by the style stage's
 /// losses on patches of the training views and of views between them.
 ///
-/// Not part of the paper, whose looks are predicted only: what this gains is the price of painting
+/// Not part of the paper, whose appearances are predicted only: what this gains is the price of painting
 /// any picture at once, and it costs seconds for each.
 pub struct Refinement<'a> {
     model: &'a Model,
@@ -59,15 +61,13 @@ impl<'a> Refinement<'a> {
             photo_weight: 0.0,
             ..file.config.style.clone()
         };
-        let frozen = Frozen {
-            weights: file.weights.clone(),
-            grids: file.grids.clone(),
-            photo_app: file.photo_app.clone(),
-        };
+        let apps = [file.config.photo_appearance(), file.config.style_appearance()];
+        let (weights, grids) = (file.radiance.weights.clone(), file.grids.clone());
         let field = Field::new(file.config.field.clone());
-        let app = file.config.style_appearance();
+        let renderer = Renderer::open(field, weights, grids, apps.each_ref());
+        let ([_, app], photo_app) = (apps, file.photo_app().clone());
         Ok(Some(Self {
-            patches: PatchPool::new((&settings, &app), field, frozen, photos.collect()),
+            patches: PatchPool::new(&settings, app, renderer, photo_app, photos.collect()),
             vgg: settings.perceptual.load()?,
             rng: Pcg64::seed_from_u64(file.seed),
             settings,
@@ -75,28 +75,28 @@ impl<'a> Refinement<'a> {
         }))
     }
 
-    /// The look of a painting, or of several mixed by weight, after as many updates as the budget
+    /// The appearance of a painting, or of several mixed by weight, after as many updates as the budget
     /// allows; `progress` hears of the share of it that is used, after each. `None` if no weight is
     /// positive.
     ///
     /// # Errors
     /// If an asset is damaged or a training view is smaller than a patch.
-    pub fn look(
+    pub fn appearance(
         &mut self,
         paintings: &[(&RgbImage, f32)],
         budget: Budget,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<Option<Look>, StyleError> {
-        let inspirations = self.model.inspirations(paintings.iter().copied())?;
-        let Some(inspiration) = StyleEmbedding::mix(&inspirations) else {
+    ) -> Result<Option<StyledAppearance>, StyleError> {
+        let embeddings = self.model.embeddings(paintings.iter().copied())?;
+        let Some(embedding) = StyleEmbedding::mix(&embeddings) else {
             return Ok(None);
         };
-        let Some(predicted) = self.model.predicted(&inspiration.code) else {
+        let Some(predicted) = self.model.predicted(&embedding.code) else {
             return Ok(None);
         };
         let target = self.target(paintings)?;
         let appearance = self.descended(predicted, &target, budget, progress)?;
-        Ok(Some(self.model.look_of(appearance, &inspiration.palette)))
+        Ok(Some(self.model.styled(appearance, &embedding.colors)))
     }
 
     /// What patches are compared with: the weighted mean of the paintings' statistics. At least one
@@ -107,9 +107,10 @@ impl<'a> Refinement<'a> {
         let mut sum = 0.0;
         for (painting, weight) in paintings.iter().filter(|(_, weight)| *weight > 0.0) {
             let square = square_crop(painting, 1.0, (0.5, 0.5), pictures.side);
-            let one = match pictures.windowed {
-                true => window_statistics(&self.vgg, &square, self.settings.patch)?,
-                false => statistics(&self.vgg, &square)?,
+            let one = if pictures.windowed {
+                window_statistics(&self.vgg, &square, self.settings.patch)?
+            } else {
+                square_statistics(&self.vgg, &square)?
             };
             sum += weight;
             mean = mean.mixed(&one, weight / sum);
@@ -125,61 +126,60 @@ impl<'a> Refinement<'a> {
         budget: Budget,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Appearance, StyleError> {
-        let mut params = [&first.inner, &first.outer].map(|w| AdamParam::new(w.clone()));
-        let (mut clock, mut looks) = (Clock::start(budget), Looks::new());
+        let mut params = Adam::new(&AppWeights(first.clone()));
+        let canvas = first.canvas.as_ref().map(|c| c.map(|_, t| Tensor::from_inner(t.clone())));
+        let (mut clock, mut readback) = (Clock::start(budget), ReadbackSchedule::new());
         while !clock.is_over() {
             let patch = self.patches.draw(&self.vgg, &mut self.rng)?;
             // What is rendered is the last level.
             let Some(parts) = patch.levels.last() else {
                 break;
             };
-            let [inner, outer] = params.each_ref().map(AdamParam::tracked);
-            let look = Appearance {
-                inner,
-                outer,
-                canvas: first.canvas.as_ref().map(lifted),
-                ..first.clone()
-            };
+            let mut leaves = params.leaves();
+            leaves.0.canvas = canvas.clone();
             let objective = Objective {
                 settings: &self.settings,
                 vgg: &self.vgg,
                 patches: &self.patches,
             };
-            let loss = painted::loss_of(parts, &look, |colours| {
-                objective.losses(colours, &patch, (target, true)).total
+            let loss = loss_of(parts, &leaves.0, |colours| {
+                objective.losses(colours, &patch, target, true).total
             });
             let value = loss.clone().inner();
             let mut gradients = loss.backward();
-            let found = [&look.inner, &look.outer].map(|leaf| leaf.grad_remove(&mut gradients));
+            let named = leaves.named().into_iter();
+            let found: Vec<_> = named.map(|(_, leaf)| leaf.grad_remove(&mut gradients)).collect();
             // Adam works in place only on what nobody else holds.
-            drop(look);
+            drop(leaves);
             let fade = self.settings.final_rate.powf(clock.progress() as f32);
             let warm = ((clock.steps + 1) as f32 / WARM_UP).min(1.0);
-            for (param, gradient) in params.iter_mut().zip(found) {
-                if let Some(gradient) = gradient {
-                    param.step(gradient, RATE * fade * warm, false);
-                }
-            }
+            params.step(found, |_| Rate {
+                rate: RATE * fade * warm,
+                sparse: false,
+            });
             clock.steps += 1;
-            if looks.due() {
+            if readback.due() {
                 host(value);
-                looks.done();
+                readback.done();
             }
             progress(clock.progress());
         }
-        let [inner, outer] = params.each_ref().map(AdamParam::value);
-        Ok(Appearance {
-            inner,
-            outer,
-            ..first
-        })
+        Ok(params.values().0)
     }
 }
 
-/// The same as constants of an autodiff graph.
-fn lifted(canvas: &Canvas) -> Canvas {
-    Canvas {
-        inner: Tensor::from_inner(canvas.inner.clone()),
-        outer: Tensor::from_inner(canvas.outer.clone()),
+/// W^app of an appearance, without its canvas.
+struct AppWeights(Appearance);
+
+impl Parameters for AppWeights {
+    fn try_map<E>(
+        &self,
+        f: &mut dyn FnMut(&str, &Tensor<1>) -> Result<Tensor<1>, E>,
+    ) -> Result<Self, E> {
+        Ok(Self(Appearance {
+            inner: f("inner.app", &self.0.inner)?,
+            outer: f("outer.app", &self.0.outer)?,
+            ..self.0.clone()
+        }))
     }
 }
