@@ -6,7 +6,7 @@ use impasto_scene::Camera;
 
 /// A frame's geometry.
 #[derive(Debug, Clone, Copy)]
-pub struct Geometry<'a> {
+pub struct FrameGeometry<'a> {
     /// Its camera, in scene space.
     pub camera: &'a Camera,
     /// `height × width`, depth along the camera's axis in scene units; infinite where there is
@@ -32,17 +32,12 @@ const SAME_DEPTH: f64 = 0.02;
 const FAR: f64 = 1e6;
 
 impl Flow {
-    /// From frame `from` to frame `to`.
+    /// From frame `from` to frame `to`, and which pixels' content is visible in the latter: its own
+    /// depth there must agree with theirs.
     ///
     /// # Panics
     /// If a depth map does not have its camera's size.
-    fn between(from: &Geometry<'_>, to: &Geometry<'_>) -> Self {
-        Self::exact(from, to).0
-    }
-
-    /// The same, and which pixels' content the other frame sees: its own depth there must agree
-    /// with theirs.
-    fn exact(from: &Geometry<'_>, to: &Geometry<'_>) -> (Self, Vec<bool>) {
+    fn exact(from: &FrameGeometry<'_>, to: &FrameGeometry<'_>) -> (Self, Vec<bool>) {
         let k = &from.camera.intrinsics;
         let (width, height) = (k.width as usize, k.height as usize);
         assert_eq!(from.depth.len(), width * height, "depth of a frame");
@@ -53,7 +48,7 @@ impl Flow {
                 return (None, false);
             }
             let depth = f64::from(from.depth[i]).min(FAR);
-            seen(to, pixel, ray.origin + ray.direction * depth)
+            motion(to, pixel, ray.origin + ray.direction * depth)
         });
         let (vectors, visible) = places.unzip();
         let flow = Self {
@@ -79,17 +74,14 @@ impl Flow {
     }
 }
 
-/// Motion of a pixel whose content is at `world`, and whether the other frame sees it there.
-fn seen(to: &Geometry<'_>, pixel: DVec2, world: DVec3) -> (Option<[f32; 2]>, bool) {
+/// Motion of a pixel whose content is at `world`, and whether the other frame shows it there.
+fn motion(to: &FrameGeometry<'_>, pixel: DVec2, world: DVec3) -> (Option<[f32; 2]>, bool) {
     let k = &to.camera.intrinsics;
     let Some((place, depth)) = to.camera.project(world) else {
         return (None, false);
     };
-    let inside = place.x >= 0.0
-        && place.y >= 0.0
-        && place.x < f64::from(k.width)
-        && place.y < f64::from(k.height);
-    if !inside {
+    let size = DVec2::new(k.width.into(), k.height.into());
+    if !(place.cmpge(DVec2::ZERO).all() && place.cmplt(size).all()) {
         return (None, false);
     }
     let motion = place - pixel;
@@ -137,14 +129,13 @@ impl Correspondence {
     ///
     /// # Panics
     /// If a depth map does not have its camera's size.
-    pub fn exact(first: &Geometry<'_>, second: &Geometry<'_>) -> Self {
+    pub fn exact(first: &FrameGeometry<'_>, second: &FrameGeometry<'_>) -> Self {
         let (flow, visible) = Flow::exact(first, second);
-        let back = Flow::between(second, first);
+        let (back, _) = Flow::exact(second, first);
         let mut this = Self::of_flows(flow, &back);
-        this.mask
-            .iter_mut()
-            .zip(visible)
-            .for_each(|(mask, seen)| *mask &= seen);
+        for (mask, visible) in this.mask.iter_mut().zip(visible) {
+            *mask &= visible;
+        }
         this
     }
 
@@ -249,7 +240,7 @@ pub(crate) mod tests {
     fn wall(step: f64, depth: f32) -> Correspondence {
         let depth = [depth; 40 * 30];
         let cameras = [camera(0.0), camera(step)];
-        let [first, second] = cameras.each_ref().map(|camera| Geometry {
+        let [first, second] = cameras.each_ref().map(|camera| FrameGeometry {
             camera,
             depth: &depth,
         });
@@ -285,11 +276,11 @@ pub(crate) mod tests {
         let (first, second) = (camera(0.0), camera(0.2));
         let (near, far) = (depth_from(0.0), depth_from(0.2));
         let found = Correspondence::exact(
-            &Geometry {
+            &FrameGeometry {
                 camera: &first,
                 depth: &near,
             },
-            &Geometry {
+            &FrameGeometry {
                 camera: &second,
                 depth: &far,
             },

@@ -6,11 +6,14 @@ use std::path::Path;
 
 use crate::ExportError;
 
+/// A type, and the names of the properties that have it.
+pub(crate) type Properties = (&'static str, &'static [&'static str]);
+
 /// Writes a file under a temporary name beside its own, and renames it; returns its size.
 pub(crate) fn write(
     path: &Path,
     comments: &[String],
-    properties: &[(&str, &str)],
+    properties: &[Properties],
     rows: usize,
     row: impl FnMut(usize, &mut Vec<u8>),
 ) -> Result<u64, ExportError> {
@@ -21,7 +24,7 @@ pub(crate) fn write(
     })
 }
 
-fn header(comments: &[String], properties: &[(&str, &str)], rows: usize) -> String {
+fn header(comments: &[String], properties: &[Properties], rows: usize) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     for comment in comments {
         // A name may hold anything; a header's line may not.
@@ -29,8 +32,10 @@ fn header(comments: &[String], properties: &[(&str, &str)], rows: usize) -> Stri
         header += &format!("comment {line}\n");
     }
     header += &format!("element vertex {rows}\n");
-    for (kind, name) in properties {
-        header += &format!("property {kind} {name}\n");
+    for (kind, names) in properties {
+        for name in *names {
+            header += &format!("property {kind} {name}\n");
+        }
     }
     header + "end_header\n"
 }
@@ -84,7 +89,7 @@ mod tests {
     fn a_name_cannot_end_the_header() {
         let comments = ["scene a\nend_header\u{e9}".to_owned()];
         assert_eq!(
-            header(&comments, &[("float", "x")], 3),
+            header(&comments, &[("float", &["x"])], 3),
             "ply\nformat binary_little_endian 1.0\ncomment scene a?end_header?\nelement vertex 3\n\
              property float x\nend_header\n"
         );

@@ -1,10 +1,10 @@
 //! Results row by row.
 
-use super::ordered;
+use super::rows::ordered;
 use crate::consistency::Consistency;
-use crate::evaluate::{Evaluation, MethodResult};
 use crate::fidelity::PaintingResult;
-use crate::page::escaped;
+use crate::html::escaped;
+use crate::results::{Evaluation, MethodResult};
 
 /// Columns and what they hold.
 const COLUMNS: [(&str, &str); 14] = [
@@ -61,30 +61,26 @@ fn mean(method: &MethodResult) -> PaintingResult {
         retrieved: fidelity.retrieval,
         taken_for: None,
         content_loss: fidelity.content_loss,
-        short: method.short,
-        long: method.long,
+        consistency: method.consistency,
         sharpness: method.sharpness,
     }
 }
 
 fn row(names: [&str; 3], result: &PaintingResult) -> String {
-    let of = |range: Option<Consistency>| {
-        let numbers = range.map(|c| [c.e100, c.rmse, c.coverage]);
-        numbers.map_or([None; 3], |numbers| numbers.map(Some))
-    };
+    let of = |c: &Consistency| [c.e100, c.rmse, c.coverage];
+    let consistency = result.consistency.as_ref();
+    let consistency = consistency.map_or([[f64::NAN; 3]; 2], |c| c.each_ref().map(of));
+    let [short, long] = consistency;
     let fidelity = [
         result.style_loss,
         result.style_gain,
         result.retrieved,
         result.content_loss,
     ];
-    let numbers = fidelity.map(Some).into_iter();
-    let numbers = numbers
-        .chain(of(result.short))
-        .chain(of(result.long))
-        .chain([result.sharpness]);
-    let numbers = numbers.map(|number| {
-        let number = number.filter(|n| n.is_finite());
+    let sharpness = [result.sharpness.unwrap_or(f64::NAN)];
+    let numbers = fidelity.into_iter().chain(short).chain(long);
+    let numbers = numbers.chain(sharpness).map(|number| {
+        let number = Some(number).filter(|n| n.is_finite());
         number.map_or_else(String::new, |number| number.to_string())
     });
     let fields: Vec<String> = names.map(field).into_iter().chain(numbers).collect();
@@ -93,9 +89,10 @@ fn row(names: [&str; 3], result: &PaintingResult) -> String {
 
 /// Text as a field, quoted where it must be.
 fn field(text: &str) -> String {
-    match text.contains(['"', ',', '\r', '\n']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
+    if text.contains(['"', ',', '\r', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 
