@@ -5,6 +5,7 @@ use crate::flow::Flow;
 use crate::plane::Plane;
 use image::RgbImage;
 use rayon::prelude::*;
+use std::iter::successors;
 
 /// Side of a patch, and distance between two, in pixels of their level.
 const PATCH: usize = 8;
@@ -22,16 +23,13 @@ const DAMPING: f32 = 1e-3;
 /// # Panics
 /// If the sizes differ.
 pub fn estimated(from: &RgbImage, to: &RgbImage) -> Flow {
-    assert_eq!(from.dimensions(), to.dimensions(), "two frames of a walk");
-    let mut levels = vec![[Plane::of(from), Plane::of(to)]];
-    loop {
-        let [last, _] = &levels[levels.len() - 1];
-        if last.width.min(last.height) < 2 * LEAST_SIDE {
-            break;
-        }
-        let halved = levels[levels.len() - 1].each_ref().map(Plane::halved);
-        levels.push(halved);
-    }
+    assert_eq!(from.dimensions(), to.dimensions(), "two frames of a path");
+    let finest = [Plane::of(from), Plane::of(to)];
+    let levels = successors(Some(finest), |finer| {
+        let large = finer[0].width.min(finer[0].height) >= 2 * LEAST_SIDE;
+        large.then(|| finer.each_ref().map(Plane::halved))
+    });
+    let levels: Vec<[Plane; 2]> = levels.collect();
     let mut motion: Option<Motion> = None;
     for [from, to] in levels.iter().rev() {
         motion = Some(level(from, to, motion.as_ref()));
@@ -80,11 +78,8 @@ fn level(from: &Plane, to: &Plane, coarser: Option<&Motion>) -> Motion {
                 let (cx, cy) = (place(x, motion.width), place(y, motion.height));
                 motion.vectors[cy * motion.width + cx].map(|v| 2.0 * v)
             });
-            Patch {
-                x,
-                y,
-                motion: search(from, to, [x, y], first),
-            }
+            let motion = search(from, to, [x, y], first);
+            Patch { x, y, motion }
         })
         .collect();
     densified(from, to, &patches)

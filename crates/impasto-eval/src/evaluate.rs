@@ -5,7 +5,7 @@ use crate::error::EvalError;
 use crate::evaluator::Evaluator;
 use crate::fidelity::FidelityMetric;
 use crate::methods::{Stylizer, UNAVAILABLE};
-use crate::names::{OURS, PHOTO, REFINED};
+use crate::names::{OURS, REFINED};
 use crate::record::{ImageRecord, RecordPlan};
 use crate::render::{GROUP, held_out, predicted, unstylised};
 use crate::results::{Evaluation, compare_with_photo};
@@ -48,12 +48,8 @@ pub fn evaluate(
     options: &EvalOptions<'_>,
     tick: &mut dyn FnMut(),
 ) -> Result<Evaluation, EvalError> {
-    let EvalOptions {
-        paintings,
-        path,
-        supersampling,
-        ..
-    } = *options;
+    let (paintings, path) = (options.paintings, options.path);
+    let supersampling = options.supersampling;
     let cameras = held_out(model);
     if cameras.is_empty() || paintings.is_empty() {
         return Err(EvalError::Nothing);
@@ -61,6 +57,7 @@ pub fn evaluate(
     let vgg = Perceptual::vgg16()?;
     let views = unstylised(model, supersampling, &cameras, tick);
     let mut evaluator = Evaluator {
+        model,
         fidelity: FidelityMetric::new(&vgg, paintings, &views)?,
         trajectory: Trajectory::new(model, supersampling, path, tick),
         paintings,
@@ -71,28 +68,19 @@ pub fn evaluate(
         record: options.record.map(|plan| ImageRecord::new(plan, paintings)),
         tick,
     };
-    let mut methods = BTreeMap::from([(PHOTO.to_owned(), evaluator.photo()?)]);
+    let mut methods = BTreeMap::from([evaluator.photo()?]);
     let mut look = |painting: &RgbImage| predicted(model, painting);
-    methods.insert(OURS.to_owned(), evaluator.looks(OURS, model, &mut look)?);
+    methods.extend([evaluator.looks(OURS, &mut look)?]);
     if let Some(budget) = options.refine {
-        let mut look = refined(model, budget)?;
-        methods.insert(
-            REFINED.to_owned(),
-            evaluator.looks(REFINED, model, &mut look)?,
-        );
+        methods.extend([evaluator.looks(REFINED, &mut refined(model, budget)?)?]);
     }
     let third = options.reconstruct.filter(|_| !options.against.is_empty());
     let third = third.map(|how| (how, training_views(model, supersampling)));
     for stylizer in options.against {
         methods.extend(evaluator.stylizer(*stylizer)?);
         if let Some((how, photos)) = &third {
-            methods.extend([reconstructed(
-                &mut evaluator,
-                model,
-                photos,
-                *stylizer,
-                *how,
-            )?]);
+            let place = reconstructed(&mut evaluator, *stylizer, photos, *how)?;
+            methods.extend([place]);
         }
     }
     compare_with_photo(&mut methods);

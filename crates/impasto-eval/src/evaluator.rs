@@ -6,7 +6,7 @@ use crate::methods::{Stylizer, Transfer, temporal};
 use crate::names::PHOTO;
 use crate::record::ImageRecord;
 use crate::render::{GROUP, views};
-use crate::results::{MethodResult, PaintingMetrics};
+use crate::results::{MethodResult, NamedResult, PaintingMetrics};
 use crate::trajectory::{Trajectory, TrajectoryMetrics};
 use image::RgbImage;
 use impasto_scene::Camera;
@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 /// What all methods are measured with.
 pub(crate) struct Evaluator<'a> {
+    pub(crate) model: &'a Model,
     pub(crate) fidelity: FidelityMetric<'a>,
     pub(crate) trajectory: Trajectory,
     pub(crate) paintings: &'a [(String, RgbImage)],
@@ -69,12 +70,13 @@ impl Evaluator<'_> {
     }
 
     /// A method's result, from those of its paintings.
-    pub(crate) fn result(&self, results: Vec<PaintingMetrics>) -> MethodResult {
-        MethodResult::of(results, self.views.len())
+    pub(crate) fn result(&self, name: &str, results: Vec<PaintingMetrics>) -> NamedResult {
+        let result = MethodResult::of(results, self.views.len());
+        (name.to_owned(), result)
     }
 
     /// The unstylised views and frames, as if they were every painting's.
-    pub(crate) fn photo(&mut self) -> Result<MethodResult, EvalError> {
+    pub(crate) fn photo(&mut self) -> Result<NamedResult, EvalError> {
         let frames = &self.trajectory.frames;
         let metrics = self.trajectory.measure(frames, self.fidelity.vgg)?;
         if let Some(record) = &mut self.record {
@@ -83,40 +85,39 @@ impl Evaluator<'_> {
         }
         let paintings = 0..self.paintings.len();
         let results = paintings.map(|i| (self.fidelity.of_unstylised(i), metrics));
-        Ok(self.result(results.collect()))
+        Ok(self.result(PHOTO, results.collect()))
     }
 
-    /// A model's looks, one for each painting, under this name.
+    /// Looks of the model, one for each painting, under this name.
     pub(crate) fn looks(
         &mut self,
         name: &str,
-        model: &Model,
         look: &mut dyn FnMut(&RgbImage) -> Result<Look, EvalError>,
-    ) -> Result<MethodResult, EvalError> {
+    ) -> Result<NamedResult, EvalError> {
         let mut results = Vec::with_capacity(self.paintings.len());
         for group in self.paintings.chunks(GROUP) {
             let looks = group.iter().map(|(_, painting)| look(painting));
             let looks: Vec<Look> = looks.collect::<Result<_, _>>()?;
-            let [views, frames] = self.render(model, &looks.iter().collect::<Vec<_>>());
+            let [views, frames] = self.render(self.model, &looks.iter().collect::<Vec<_>>());
             for (views, frames) in views.iter().zip(&frames) {
                 results.push(self.measure(name, results.len(), views, frames)?);
             }
         }
-        Ok(self.result(results))
+        Ok(self.result(name, results))
     }
 
     /// Another method, frame by frame and as a video, with their names.
     pub(crate) fn stylizer(
         &mut self,
         stylizer: &dyn Stylizer,
-    ) -> Result<[(String, MethodResult); 2], EvalError> {
-        let [name, video_name] = [stylizer.name().to_owned(), stylizer.video_name()];
+    ) -> Result<[NamedResult; 2], EvalError> {
+        let (name, video_name) = (stylizer.name(), stylizer.video_name());
         let (mut by_frame, mut as_video) = (Vec::new(), Vec::new());
         for (i, (_, painting)) in self.paintings.iter().enumerate() {
             let transfer = stylizer.transfer(painting);
             let views = stylised(self.views, &transfer, self.tick);
             let frames = stylised(&self.trajectory.frames, &transfer, self.tick);
-            let (fidelity, metrics) = self.measure(&name, i, &views, &frames)?;
+            let (fidelity, metrics) = self.measure(name, i, &views, &frames)?;
             // By estimated flow, because a method of pictures knows no geometry.
             let video = temporal(&frames, &self.trajectory.estimated[0]);
             // A first frame is a single picture: as a video, the views are the same.
@@ -124,8 +125,8 @@ impl Evaluator<'_> {
             by_frame.push((fidelity.clone(), metrics));
             as_video.push((fidelity, video_metrics));
         }
-        let [by_frame, as_video] = [by_frame, as_video].map(|results| self.result(results));
-        Ok([(name, by_frame), (video_name, as_video)])
+        let as_video = self.result(&video_name, as_video);
+        Ok([self.result(name, by_frame), as_video])
     }
 }
 

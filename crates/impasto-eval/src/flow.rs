@@ -44,12 +44,12 @@ impl Flow {
         let places = (0..width * height).map(|i| {
             let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
             let ray = from.camera.ray(pixel.x, pixel.y);
-            if from.depth[i].is_nan() {
-                return (None, false);
-            }
-            let depth = f64::from(from.depth[i]).min(FAR);
+            // NaN would be far away.
+            let depth = Some(from.depth[i]).filter(|depth| !depth.is_nan())?;
+            let depth = f64::from(depth).min(FAR);
             motion(to, pixel, ray.origin + ray.direction * depth)
         });
+        let places = places.map(|found| (found.map(|f| f.0), found.is_some_and(|f| f.1)));
         let (vectors, visible) = places.unzip();
         let flow = Self {
             width,
@@ -74,15 +74,14 @@ impl Flow {
     }
 }
 
-/// Motion of a pixel whose content is at `world`, and whether the other frame shows it there.
-fn motion(to: &FrameGeometry<'_>, pixel: DVec2, world: DVec3) -> (Option<[f32; 2]>, bool) {
+/// Motion of a pixel whose content is at `world`, and whether the other frame shows it there;
+/// `None` if that is behind the other camera or outside its image.
+fn motion(to: &FrameGeometry<'_>, pixel: DVec2, world: DVec3) -> Option<([f32; 2], bool)> {
     let k = &to.camera.intrinsics;
-    let Some((place, depth)) = to.camera.project(world) else {
-        return (None, false);
-    };
+    let (place, depth) = to.camera.project(world)?;
     let size = DVec2::new(k.width.into(), k.height.into());
     if !(place.cmpge(DVec2::ZERO).all() && place.cmplt(size).all()) {
-        return (None, false);
+        return None;
     }
     let motion = place - pixel;
     let index = place.y as usize * k.width as usize + place.x as usize;
@@ -90,7 +89,7 @@ fn motion(to: &FrameGeometry<'_>, pixel: DVec2, world: DVec3) -> (Option<[f32; 2
     // Beyond the scene's far end, two large depths are the same sky.
     let agrees =
         (there - depth).abs() <= SAME_DEPTH * there.max(depth) || there.min(depth) >= FAR / 2.0;
-    (Some([motion.x as f32, motion.y as f32]), agrees)
+    Some(([motion.x as f32, motion.y as f32], agrees))
 }
 
 /// The four pixels around a place (in pixels, centres at ½) and their bilinear weights.
@@ -142,21 +141,17 @@ impl Correspondence {
     /// By two flows alone, however they were found: forward–backward test and motion boundaries
     /// (Lai et al. 2018, after Ruder et al. 2016).
     pub fn of_flows(flow: Flow, back: &Flow) -> Self {
-        let mask = (0..flow.vectors.len()).map(|i| {
-            let Some(forward) = flow.vectors[i] else {
-                return false;
-            };
+        let counts = |i: usize| {
+            let forward = flow.vectors[i]?;
             let (x, y) = (i % flow.width, i / flow.width);
-            let place = [x as f32 + 0.5 + forward[0], y as f32 + 0.5 + forward[1]];
-            let Some(backward) = back.at(place[0], place[1]) else {
-                return false;
-            };
+            let backward = back.at(x as f32 + 0.5 + forward[0], y as f32 + 0.5 + forward[1])?;
             let square = |v: [f32; 2]| v[0] * v[0] + v[1] * v[1];
             let round = [backward[0] + forward[0], backward[1] + forward[1]];
             let occluded = square(round) > 0.01 * (square(backward) + square(forward)) + 0.5;
             let boundary = gradient(&flow, x, y) > 0.01 * square(forward) + 0.002;
-            !occluded && !boundary
-        });
+            Some(!occluded && !boundary)
+        };
+        let mask = (0..flow.vectors.len()).map(|i| counts(i).unwrap_or(false));
         Self {
             mask: mask.collect(),
             flow,

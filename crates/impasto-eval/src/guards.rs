@@ -39,16 +39,10 @@ impl FailedGuard {
 
 impl std::fmt::Display for FailedGuard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Blurred(value) => {
-                write!(f, "blurred (sharpness {value:.2} < {LEAST_SHARPNESS})")
-            }
-            Self::HardlyStylised(value) => {
-                write!(
-                    f,
-                    "hardly stylised (style gain {value:.2} < {LEAST_STYLE_GAIN})"
-                )
-            }
-        }
+        let (what, value, least) = match self {
+            Self::Blurred(value) => ("blurred (sharpness", value, LEAST_SHARPNESS),
+            Self::HardlyStylised(value) => ("hardly stylised (style gain", value, LEAST_STYLE_GAIN),
+        };
+        write!(f, "{what} {value:.2} < {least})")
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::consistency::{RANGES, Worst};
 use crate::names::PHOTO;
-use crate::resize::scaled;
+use crate::resize::reduced;
 use image::RgbImage;
 use image::imageops::FilterType;
 use std::collections::BTreeMap;
@@ -169,10 +169,7 @@ fn fitted(picture: &RgbImage, side: u32) -> RgbImage {
     let (width, height) = picture.dimensions();
     let area = f64::from(width) * f64::from(height);
     let scale = f64::from(side) / area.sqrt().max(1.0);
-    if scale >= 1.0 {
-        return picture.clone();
-    }
-    scaled(picture, scale, FilterType::CatmullRom)
+    reduced(picture, scale, FilterType::CatmullRom)
 }
 
 #[cfg(test)]

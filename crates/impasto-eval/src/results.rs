@@ -67,6 +67,8 @@ pub struct Evaluation {
     pub record: Option<ImageRecord>,
 }
 
+/// A method's name and results.
+pub(crate) type NamedResult = (String, MethodResult);
 /// Measures of one method and painting; the second is `None` without a path.
 pub(crate) type PaintingMetrics = (PaintingResult, Option<TrajectoryMetrics>);
 
@@ -101,10 +103,7 @@ impl MethodResult {
 fn mean(all: impl Iterator<Item = [Consistency; 2]>) -> Option<ByRange<Consistency>> {
     let (short, long): (Vec<_>, Vec<_>) = all.map(<(_, _)>::from).unzip();
     let [short, long] = [short, long].map(|all| Consistency::mean(&all));
-    Some(ByRange {
-        short: short?,
-        long: long?,
-    })
+    Some([short?, long?].into())
 }
 
 /// Sets every method's [`MethodResult::over_photo`].

@@ -1,4 +1,4 @@
-//! True depth along a walk, where it is known: on the built-in scene.
+//! True depth along a path, where it is known: on the built-in scene.
 
 use impasto_scene::{Camera, builtin};
 use impasto_train::ModelScene;

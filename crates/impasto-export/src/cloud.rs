@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::ExportError;
 use crate::surface::{Sample, agree, samples, tolerance};
-use crate::views::{Pinhole, PosedView, Views, Watch};
+use crate::views::{Pinhole, PosedView, Views, Watch, share};
 
 /// A point of this spacing, in pixels, hides the need for others up to this far away: a square
 /// lattice's farthest places are 0.71 away.
@@ -62,7 +62,7 @@ pub(crate) fn cloud(
     let mut surfels = Vec::new();
     let count = views.len();
     for (i, (view, samples)) in views.posed.iter().zip(&sampled).enumerate() {
-        watch.within("points", part, i, count)?;
+        watch.at("points", share(part, i, count))?;
         merge(&mut surfels, view, samples, options);
     }
     let cameras = || views.posed.iter().map(|view| &view.camera).zip(&sampled);

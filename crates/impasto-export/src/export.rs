@@ -60,16 +60,10 @@ pub fn export_points(
     };
     let surfels = cloud(views, &options, [RENDERED, FITTED], watch)?;
     let comments = comments(views, "point cloud of surfaces");
-    let bytes = write(path, &comments, &POINT, surfels.len(), watch, |i, row| {
-        let surfel = &surfels[i];
+    write(path, &comments, &POINT, &surfels, watch, |surfel, row| {
         floats(row, &capture(views, surfel.position));
         floats(row, &surfel.normal.to_array());
         row.extend(surfel.colour.to_array().map(byte));
-    })?;
-    Ok(Exported {
-        count: surfels.len(),
-        bytes,
-        psnr: None,
     })
 }
 
@@ -92,13 +86,10 @@ pub fn export_splats(
     let mut splats: Vec<Splat> = surfels.iter().map(splat).collect();
     drop(surfels);
     let psnr = fit(&mut splats, views, [MERGED, FITTED], watch)?;
-    let comments = comments(
-        views,
-        "3-D Gaussian splats, colours without view dependence",
-    );
+    let what = "3-D Gaussian splats, colours without view dependence";
+    let comments = comments(views, what);
     let scale = (1.0 / views.normalisation.scale) as f32;
-    let bytes = write(path, &comments, &SPLAT, splats.len(), watch, |i, row| {
-        let splat = &splats[i];
+    let exported = write(path, &comments, &SPLAT, &splats, watch, |splat, row| {
         floats(row, &capture(views, splat.position));
         floats(row, &splat.normal.to_array());
         floats(row, &((splat.colour - 0.5) / HARMONIC).to_array());
@@ -108,25 +99,28 @@ pub fn export_splats(
         floats(row, &[q.w, q.x, q.y, q.z]);
     })?;
     Ok(Exported {
-        count: splats.len(),
-        bytes,
         psnr: Some(psnr),
+        ..exported
     })
 }
 
-/// Writes so many rows of these properties, the last part of the work; the file's size.
-fn write(
+/// Writes these properties of each row, the last part of the work.
+fn write<T>(
     path: &Path,
     comments: &[String],
     properties: &[Properties],
-    count: usize,
+    rows: &[T],
     watch: &mut Watch<'_>,
-    row: impl Fn(usize, &mut Vec<u8>),
-) -> Result<u64, ExportError> {
+    row: impl Fn(&T, &mut Vec<u8>),
+) -> Result<Exported, ExportError> {
     watch.at("write", FITTED)?;
-    let bytes = ply::write(path, comments, properties, count, row)?;
+    let bytes = ply::write(path, comments, properties, rows, row)?;
     (watch.progress)("write", 1.0);
-    Ok(bytes)
+    Ok(Exported {
+        count: rows.len(),
+        bytes,
+        psnr: None,
+    })
 }
 
 fn comments(views: &Views, what: &str) -> Vec<String> {

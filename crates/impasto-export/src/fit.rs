@@ -5,7 +5,7 @@ use glam::Vec3;
 use crate::ExportError;
 use crate::raster::{Correction, compare};
 use crate::splats::Splat;
-use crate::views::{Views, Watch};
+use crate::views::{Views, Watch, share};
 
 /// Times that all views are gone through.
 const ROUNDS: usize = 4;
@@ -37,7 +37,7 @@ pub(crate) fn fit(
         psnr = 0.0;
         let ease = 1.0 / (1.0 + round as f32);
         for turn in 0..count {
-            watch.within("fit", part, round * count + turn, ROUNDS * count)?;
+            watch.at("fit", share(part, round * count + turn, ROUNDS * count))?;
             let view = &views.posed[turn_of(turn, count)];
             let (error, found) = compare(&view.camera, splats, &view.colours);
             let channels = 3.0 * view.colours.len() as f64;

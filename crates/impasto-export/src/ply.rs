@@ -10,14 +10,14 @@ use crate::ExportError;
 pub(crate) type Properties = (&'static str, &'static [&'static str]);
 
 /// Writes a file under a temporary name beside its own, and renames it; returns its size.
-pub(crate) fn write(
+pub(crate) fn write<T>(
     path: &Path,
     comments: &[String],
     properties: &[Properties],
-    rows: usize,
-    row: impl FnMut(usize, &mut Vec<u8>),
+    rows: &[T],
+    row: impl Fn(&T, &mut Vec<u8>),
 ) -> Result<u64, ExportError> {
-    let header = header(comments, properties, rows);
+    let header = header(comments, properties, rows.len());
     put(path, &header, rows, row).map_err(|source| ExportError::Write {
         path: path.to_owned(),
         source,
@@ -25,6 +25,7 @@ pub(crate) fn write(
 }
 
 fn header(comments: &[String], properties: &[Properties], rows: usize) -> String {
+    let printable = |c: char| if (' '..='~').contains(&c) { c } else { '?' };
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     for comment in comments {
         // A name may hold anything; a header's line may not.
@@ -40,18 +41,11 @@ fn header(comments: &[String], properties: &[Properties], rows: usize) -> String
     header + "end_header\n"
 }
 
-fn printable(letter: char) -> char {
-    match letter {
-        ' '..='~' => letter,
-        _ => '?',
-    }
-}
-
-fn put(
+fn put<T>(
     path: &Path,
     header: &str,
-    rows: usize,
-    mut row: impl FnMut(usize, &mut Vec<u8>),
+    rows: &[T],
+    row: impl Fn(&T, &mut Vec<u8>),
 ) -> io::Result<u64> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -68,9 +62,9 @@ fn put(
     let mut out = BufWriter::new(file.as_file_mut());
     out.write_all(header.as_bytes())?;
     let mut line = Vec::new();
-    for i in 0..rows {
+    for thing in rows {
         line.clear();
-        row(i, &mut line);
+        row(thing, &mut line);
         bytes += line.len();
         out.write_all(&line)?;
     }

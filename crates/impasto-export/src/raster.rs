@@ -47,11 +47,8 @@ fn projected(camera: &Pinhole, splat: &Splat, index: u32) -> Option<ProjectedGau
     let rows = axes.transpose();
     let across = fx * (rows.x_axis - at.x * rows.z_axis);
     let down = fy * (rows.y_axis - at.y * rows.z_axis);
-    let (xx, xy, yy) = (
-        across.length_squared() + BLUR,
-        across.dot(down),
-        down.length_squared() + BLUR,
-    );
+    let variance = |axis: Vec3| axis.length_squared() + BLUR;
+    let (xx, xy, yy) = (variance(across), across.dot(down), variance(down));
     let determinant = xx * yy - xy * xy;
     let radius = 2.0 * (splat.opacity / FAINTEST).ln();
     let reach = (radius * Vec2::new(xx, yy)).map(f32::sqrt);
@@ -95,10 +92,6 @@ impl Band {
         }
     }
 
-    fn height(&self) -> usize {
-        self.open.len() / self.width
-    }
-
     /// Draws one Gaussian and passes on each pixel: its index, the Gaussian's value there, the
     /// opacity, and the share of light that was open before.
     fn draw(
@@ -107,24 +100,26 @@ impl Band {
         splat: &Splat,
         mut visit: impl FnMut(usize, f32, f32, f32),
     ) {
+        let ProjectedGaussian {
+            mean, conic, reach, ..
+        } = *gaussian;
         let bounds = |mean: f32, reach: f32, first: usize, count: usize| {
             let low = (mean - reach - 0.5).ceil().max(first as f32) as usize;
             let high = (mean + reach - 0.5).floor() + 1.0;
             (low, (high.max(0.0) as usize).min(first + count))
         };
-        let (left, right) = bounds(gaussian.mean.x, gaussian.reach.x, 0, self.width);
-        let (top, bottom) = bounds(gaussian.mean.y, gaussian.reach.y, self.top, self.height());
+        let (left, right) = bounds(mean.x, reach.x, 0, self.width);
+        let (top, bottom) = bounds(mean.y, reach.y, self.top, self.open.len() / self.width);
         for y in top..bottom {
-            let dy = y as f32 + 0.5 - gaussian.mean.y;
+            let dy = y as f32 + 0.5 - mean.y;
             for x in left..right {
                 let index = (y - self.top) * self.width + x;
                 let open = self.open[index];
                 if open < FULL {
                     continue;
                 }
-                let dx = x as f32 + 0.5 - gaussian.mean.x;
-                let c = gaussian.conic;
-                let power = 0.5 * (c.x * dx * dx + c.z * dy * dy) + c.y * dx * dy;
+                let dx = x as f32 + 0.5 - mean.x;
+                let power = 0.5 * (conic.x * dx * dx + conic.z * dy * dy) + conic.y * dx * dy;
                 let share = (-power).exp();
                 let opacity = (splat.opacity * share).min(MOST);
                 if opacity < FAINTEST {
@@ -149,10 +144,8 @@ fn in_bands<T: Send>(
     let mut lists = vec![Vec::new(); count];
     for gaussian in &gaussians {
         let band = |y: f32| (y.max(0.0) as usize / BAND).min(count - 1);
-        let (top, bottom) = (
-            gaussian.mean.y - gaussian.reach.y,
-            gaussian.mean.y + gaussian.reach.y,
-        );
+        let (mean, reach) = (gaussian.mean.y, gaussian.reach.y);
+        let (top, bottom) = (mean - reach, mean + reach);
         for list in &mut lists[band(top)..=band(bottom)] {
             list.push(*gaussian);
         }

@@ -62,13 +62,10 @@ fn limited(camera: &Pinhole, x: usize, y: usize, depth: f32) -> (f32, bool) {
 /// On a plane the inverse depth is affine in the image, so the plane is a least-squares fit.
 fn sample(camera: &Pinhole, depths: &[(f32, bool)], x: usize, y: usize) -> Sample {
     let (depth, sky) = depths[y * camera.width + x];
+    let with = |depth, normal| Sample { depth, normal, sky };
     let direction = camera.direction(x, y);
     if sky {
-        return Sample {
-            depth,
-            normal: -(camera.rotation * direction).normalize(),
-            sky,
-        };
+        return with(depth, -(camera.rotation * direction).normalize());
     }
     let (mut products, mut right, mut count, mut all) = (Mat3::ZERO, Vec3::ZERO, 0.0, 0.0);
     for dy in -REACH..=REACH {
@@ -88,26 +85,17 @@ fn sample(camera: &Pinhole, depths: &[(f32, bool)], x: usize, y: usize) -> Sampl
             count += 1.0;
         }
     }
-    let none = Sample {
-        depth,
-        normal: Vec3::ZERO,
-        sky,
-    };
     // A row of pixels, or too few, have no plane.
     if count < LEAST_SHARE * all || products.determinant() < 1.0 {
-        return none;
+        return with(depth, Vec3::ZERO);
     }
     let fit = products.inverse() * right / depth;
     if fit.z <= 0.0 {
-        return none;
+        return with(depth, Vec3::ZERO);
     }
     let slope = fit.truncate() * camera.focal;
     let plane = slope.extend(fit.z - slope.dot(direction.truncate()));
-    Sample {
-        depth: 1.0 / fit.z,
-        normal: -(camera.rotation * plane).normalize_or_zero(),
-        sky,
-    }
+    with(1.0 / fit.z, -(camera.rotation * plane).normalize_or_zero())
 }
 
 #[cfg(test)]

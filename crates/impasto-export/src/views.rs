@@ -48,19 +48,12 @@ impl Watch<'_> {
         }
         Ok(())
     }
+}
 
-    /// The same after `done` of `count` steps of a part of the work, which begins and ends at these
-    /// shares.
-    pub(crate) fn within(
-        &mut self,
-        what: &'static str,
-        part: [f64; 2],
-        done: usize,
-        count: usize,
-    ) -> Result<(), ExportError> {
-        let [begin, end] = part;
-        self.at(what, begin + (end - begin) * (done as f64 / count as f64))
-    }
+/// The share of all that is done after `done` of `count` steps of a part of the work, which begins
+/// and ends at these shares.
+pub(crate) fn share([begin, end]: [f64; 2], done: usize, count: usize) -> f64 {
+    begin + (end - begin) * (done as f64 / count as f64)
 }
 
 /// An RGB-D view with its camera, in single precision.

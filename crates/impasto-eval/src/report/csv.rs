@@ -1,10 +1,9 @@
 //! Results row by row.
 
 use super::rows::ordered;
-use crate::consistency::Consistency;
-use crate::fidelity::PaintingResult;
+use crate::consistency::{ByRange, Consistency};
 use crate::html::escaped;
-use crate::results::{Evaluation, MethodResult};
+use crate::results::Evaluation;
 
 /// Columns and what they hold.
 const COLUMNS: [(&str, &str); 14] = [
@@ -43,44 +42,30 @@ const COLUMNS: [(&str, &str); 14] = [
 pub(super) fn table(evaluation: &Evaluation) -> String {
     let mut text = COLUMNS.map(|(name, _)| name).join(",") + "\r\n";
     for (name, method) in ordered(evaluation) {
-        for painting in &method.fidelity.paintings {
-            text += &row(["painting", name, &painting.name], painting);
+        for p in &method.fidelity.paintings {
+            let fidelity = [p.style_loss, p.style_gain, p.retrieved, p.content_loss];
+            let names = ["painting", name, &p.name];
+            text += &row(names, fidelity, p.consistency.as_ref(), p.sharpness);
         }
-        text += &row(["mean", name, ""], &mean(method));
+        let f = &method.fidelity;
+        let fidelity = [f.style_loss, f.style_gain, f.retrieval, f.content_loss];
+        let consistency = method.consistency.as_ref();
+        text += &row(["mean", name, ""], fidelity, consistency, method.sharpness);
     }
     text
 }
 
-/// A method's means in a painting's place.
-fn mean(method: &MethodResult) -> PaintingResult {
-    let fidelity = &method.fidelity;
-    PaintingResult {
-        name: String::new(),
-        style_loss: fidelity.style_loss,
-        style_gain: fidelity.style_gain,
-        retrieved: fidelity.retrieval,
-        taken_for: None,
-        content_loss: fidelity.content_loss,
-        consistency: method.consistency,
-        sharpness: method.sharpness,
-    }
-}
-
-fn row(names: [&str; 3], result: &PaintingResult) -> String {
+fn row(
+    names: [&str; 3],
+    fidelity: [f64; 4],
+    consistency: Option<&ByRange<Consistency>>,
+    sharpness: Option<f64>,
+) -> String {
     let of = |c: &Consistency| [c.e100, c.rmse, c.coverage];
-    let consistency = result.consistency.as_ref();
-    let consistency = consistency.map_or([[f64::NAN; 3]; 2], |c| c.each_ref().map(of));
-    let [short, long] = consistency;
-    let fidelity = [
-        result.style_loss,
-        result.style_gain,
-        result.retrieved,
-        result.content_loss,
-    ];
-    let sharpness = [result.sharpness.unwrap_or(f64::NAN)];
-    let numbers = fidelity.into_iter().chain(short).chain(long);
-    let numbers = numbers.chain(sharpness).map(|number| {
-        let number = Some(number).filter(|n| n.is_finite());
+    let ranges = consistency.map_or([[f64::NAN; 3]; 2], |c| c.each_ref().map(of));
+    let numbers = fidelity.into_iter().chain(ranges.into_iter().flatten());
+    let numbers = numbers.map(Some).chain([sharpness]).map(|number| {
+        let number = number.filter(|n| n.is_finite());
         number.map_or_else(String::new, |number| number.to_string())
     });
     let fields: Vec<String> = names.map(field).into_iter().chain(numbers).collect();

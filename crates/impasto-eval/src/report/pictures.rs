@@ -2,7 +2,7 @@
 
 use super::heat;
 use super::rows::ordered;
-use super::words::{full_title, number, share, title};
+use super::words::{full_title, number, portion, share, title};
 use crate::consistency::RANGES;
 use crate::fidelity::PaintingResult;
 use crate::html::{data_url, escaped};
@@ -50,12 +50,7 @@ pub(super) fn sheets(evaluation: &Evaluation, record: &ImageRecord) -> Result<St
             escaped(name)
         );
     }
-    let shown = record.paintings.len();
-    let shown = if shown < all {
-        format!("The first {shown} of {all} paintings")
-    } else {
-        format!("All {all} paintings")
-    };
+    let shown = portion(record.paintings.len(), all, "paintings");
     let walk = match evaluation.frames {
         0 => String::new(),
         _ => format!(", and below it frame {} of the walk", record.frame + 1),

@@ -185,18 +185,9 @@ fn table(
         best: least(rows, range, |name| name != PHOTO).map(|(name, _)| name),
         best_flat: least(rows, range, two_dimensional).map(|(_, e100)| e100),
     });
-    let consistency = RELATIVE.iter().map(|(name, meaning, _)| (name, meaning));
-    let consistency = consistency.chain(MEASURES.iter().map(|(name, meaning, _)| (name, meaning)));
-    let columns = consistency.filter(|_| scope.is_some());
-    let columns = columns.chain(GUARDS.iter().map(|(name, meaning, _)| (name, meaning)));
-    let names: Vec<String> = columns
-        .map(|(name, meaning)| {
-            format!(
-                "<th scope=\"col\" title=\"{}\">{name}</th>",
-                escaped(meaning)
-            )
-        })
-        .collect();
+    let consistency = headings(&RELATIVE).chain(headings(&MEASURES));
+    let consistency = consistency.filter(|_| scope.is_some());
+    let names: Vec<String> = consistency.chain(headings(&GUARDS)).collect();
     let groups = [
         ("Consistency", names.len() - GUARDS.len()),
         ("Guards", GUARDS.len() + 1),
@@ -236,6 +227,13 @@ fn table(
         ),
         &body.chain(missing).collect::<String>(),
     )
+}
+
+fn headings<T>(columns: &[Column<T>]) -> impl Iterator<Item = String> {
+    columns.iter().map(|(name, meaning, _)| {
+        let meaning = escaped(meaning);
+        format!("<th scope=\"col\" title=\"{meaning}\">{name}</th>")
+    })
 }
 
 fn heading(method: &str) -> String {

@@ -1,6 +1,6 @@
 //! Two methods' frames side by side, which shows how they flicker.
 
-use super::words::full_title;
+use super::words::{full_title, portion};
 use crate::html::{data_url, escaped};
 use crate::names::{OURS, PHOTO, REFINED};
 use crate::record::ImageRecord;
@@ -62,11 +62,7 @@ pub(super) fn viewer(
     if paintings == 0 {
         return Ok(String::new());
     }
-    let shown = if frames < all {
-        format!("The first {frames} of {all} frames")
-    } else {
-        format!("All {all} frames")
-    };
+    let shown = portion(frames, all, "frames");
     let names = &names[..paintings.min(names.len())];
     let plural = if paintings == 1 { "" } else { "s" };
     let shown = format!("{shown} with the first {paintings} painting{plural}");

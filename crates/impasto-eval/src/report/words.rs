@@ -59,6 +59,15 @@ pub(super) fn share(value: f64) -> String {
     }
 }
 
+/// How many of all things are shown, the first ones.
+pub(super) fn portion(shown: usize, all: usize, things: &str) -> String {
+    if shown < all {
+        format!("The first {shown} of {all} {things}")
+    } else {
+        format!("All {all} {things}")
+    }
+}
+
 /// E × 100.
 pub(super) fn e100(found: &Consistency) -> String {
     number(found.e100, 3)

@@ -74,16 +74,11 @@ pub struct StudyKey {
 impl Question {
     /// What it is for; `None` if it is neither a comparison with Impasto nor a catch trial.
     pub fn asked(&self) -> Option<Asked<'_>> {
+        let compared = |method, ours| Some(Asked::Compared { method, ours });
         match [self.a.as_str(), self.b.as_str()] {
             [OURS, OURS | PHOTO] | [PHOTO, OURS | PHOTO] => None,
-            [OURS, method] => Some(Asked::Compared {
-                method,
-                ours: Side::A,
-            }),
-            [method, OURS] => Some(Asked::Compared {
-                method,
-                ours: Side::B,
-            }),
+            [OURS, method] => compared(method, Side::A),
+            [method, OURS] => compared(method, Side::B),
             [PHOTO, _] => Some(Asked::Catch { photo: Side::A }),
             [_, PHOTO] => Some(Asked::Catch { photo: Side::B }),
             _ => None,

@@ -2,7 +2,7 @@
 
 use crate::methods::adain::decoder::Decoder;
 use crate::methods::adain::{features, renormalised};
-use crate::resize::scaled;
+use crate::resize;
 use burn::tensor::{Device, Tensor, TensorData};
 use image::RgbImage;
 use image::imageops::{FilterType, flip_horizontal_in_place};
@@ -64,7 +64,7 @@ const LEAST_PART: f32 = 0.4;
 /// deviation of squares of paintings; the decoded picture shall have these features, and the
 /// painting's statistics at all four layers.
 ///
-/// `report` hears of every step.
+/// `report` is called after every step.
 ///
 /// # Errors
 /// If an asset is damaged.
@@ -132,10 +132,7 @@ impl AdaInTraining {
 fn reduced(picture: &RgbImage) -> RgbImage {
     let (width, height) = picture.dimensions();
     let scale = f64::from(LARGEST) / f64::from(width.min(height).max(1));
-    if scale >= 1.0 {
-        return picture.clone();
-    }
-    scaled(picture, scale, FilterType::Triangle)
+    resize::reduced(picture, scale, FilterType::Triangle)
 }
 
 /// A random square of a random picture.

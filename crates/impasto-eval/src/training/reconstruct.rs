@@ -5,7 +5,7 @@ use crate::evaluator::Evaluator;
 use crate::methods::Stylizer;
 use crate::names::RECONSTRUCTED;
 use crate::render::unstylised;
-use crate::results::MethodResult;
+use crate::results::NamedResult;
 use image::RgbImage;
 use impasto_scene::Split;
 use impasto_train::{Budget, Model};
@@ -31,27 +31,25 @@ pub(crate) fn training_views(model: &Model, supersampling: u32) -> Vec<RgbImage>
     unstylised(model, supersampling, &cameras, &mut || {})
 }
 
-/// A method's results when it paints a model's `photos` (see [`training_views`]) and the place is
+/// A method's results when it paints the model's `photos` (see [`training_views`]) and the place is
 /// learned from those: views and frames are renders of what came out. With them the name that they
 /// go by.
 pub(crate) fn reconstructed(
     evaluator: &mut Evaluator<'_>,
-    model: &Model,
-    photos: &[RgbImage],
     stylizer: &dyn Stylizer,
+    photos: &[RgbImage],
     how: Reconstruct,
-) -> Result<(String, MethodResult), EvalError> {
+) -> Result<NamedResult, EvalError> {
     let name = format!("{}{RECONSTRUCTED}", stylizer.name());
     let paintings = evaluator.paintings.iter().take(how.paintings);
     let results = paintings.enumerate().map(|(i, (_, painting))| {
         let transfer = stylizer.transfer(painting);
         let painted = photos.par_iter().map(&transfer).collect();
-        let place = model.refitted(painted, how.budget);
+        let place = evaluator.model.refitted(painted, how.budget);
         let place = place.ok_or(EvalError::NoTrainingViews)?;
         let [views, frames] = evaluator.render(&place, &[&place.photo_look()]);
         Ok(evaluator.measure(&name, i, &views[0], &frames[0])?)
     });
     let results = results.collect::<Result<_, EvalError>>()?;
-    let found = evaluator.result(results);
-    Ok((name, found))
+    Ok(evaluator.result(&name, results))
 }
