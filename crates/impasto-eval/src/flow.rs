@@ -1,6 +1,7 @@
 //! Where the pixels of one frame are in another, exactly: by depth and poses instead of by an
 //! estimate (PAPER §10, with the model's own geometry).
 
+use crate::grid::around;
 use glam::{DVec2, DVec3};
 use impasto_scene::Camera;
 
@@ -99,16 +100,13 @@ fn corners(x: f32, y: f32, width: usize, height: usize) -> Option<[(usize, f32);
     if !inside {
         return None;
     }
-    let low = |at: f32, size: usize| at.clamp(0.0, (size - 1) as f32);
-    let (x, y) = (low(x, width), low(y, height));
-    let (left, top) = (x as usize, y as usize);
-    let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
-    let (across, down) = (x - left as f32, y - top as f32);
+    let ([upper_left, upper_right, lower_left, lower_right], [across, down]) =
+        around(x, y, [width, height]);
     Some([
-        (top * width + left, (1.0 - across) * (1.0 - down)),
-        (top * width + right, across * (1.0 - down)),
-        (bottom * width + left, (1.0 - across) * down),
-        (bottom * width + right, across * down),
+        (upper_left, (1.0 - across) * (1.0 - down)),
+        (upper_right, across * (1.0 - down)),
+        (lower_left, (1.0 - across) * down),
+        (lower_right, across * down),
     ])
 }
 
