@@ -1,7 +1,7 @@
 //! A study's key and a participant's answers, with a line between them that is `---`.
 #![no_main]
 
-use impasto_eval::study::{Key, summarise};
+use impasto_eval::study::{StudyKey, summarise};
 use impasto_fuzz::check_message;
 use libfuzzer_sys::fuzz_target;
 
@@ -10,7 +10,7 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     };
     let (key, answers) = text.split_once("\n---\n").unwrap_or((text, "{}"));
-    let key = match Key::read(key) {
+    let key = match StudyKey::read(key) {
         Ok(key) => key,
         Err(error) => return check_message(&error),
     };

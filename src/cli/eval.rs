@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use impasto::eval::consistency::Consistency;
 use impasto::eval::methods::Stylizer;
-use impasto::eval::report::{Report, Settings};
+use impasto::eval::report::{EvalReport, Settings};
 use impasto::eval::{
-    EvalOptions, Evaluation, GalleryPlan, Guard, MethodResult, PHOTO, Reconstruct, evaluate,
+    EvalOptions, Evaluation, FailedGuard, MethodResult, PHOTO, Reconstruct, RecordPlan, evaluate,
     small_orbit,
 };
 use impasto::{Budget, Model, read_paintings};
@@ -78,7 +78,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         path: &path,
         supersampling: args.supersampling,
         against: &against,
-        gallery: args.output.as_ref().map(|_| GalleryPlan::default()),
+        record: args.output.as_ref().map(|_| RecordPlan::default()),
         refine: args.refine.map(Budget::Time),
         reconstruct: args.reconstruct.map(|time| Reconstruct {
             budget: Budget::Time(time),
@@ -89,7 +89,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
     let evaluation = evaluate(&model, &options, &mut || bar.tick())?;
     drop(bar);
     let unreadable: Vec<PathBuf> = read.unreadable.into_iter().map(|(path, _)| path).collect();
-    let report = Report {
+    let report = EvalReport {
         evaluation: &evaluation,
         reconstruction: model.file.quality,
         scene: &model.file.scene.name,
@@ -125,7 +125,7 @@ fn settings(args: &EvalArgs, options: &EvalOptions<'_>) -> Settings {
 }
 
 /// Writes the report's files; the page's path.
-fn write(folder: &Path, report: &Report<'_>, json: &Value) -> Result<PathBuf, CliError> {
+fn write(folder: &Path, report: &EvalReport<'_>, json: &Value) -> Result<PathBuf, CliError> {
     let page = folder.join("report.html");
     let files = [
         ("report.csv", report.csv()),
@@ -144,7 +144,7 @@ fn write(folder: &Path, report: &Report<'_>, json: &Value) -> Result<PathBuf, Cl
     Ok(page)
 }
 
-fn summary(report: &Report<'_>) -> String {
+fn summary(report: &EvalReport<'_>) -> String {
     let quality = report.reconstruction;
     let mut text = format!(
         "reconstruction: PSNR {:.2} dB, SSIM {:.3} over {} held-out views\n{}",
@@ -172,19 +172,17 @@ fn table(evaluation: &Evaluation) -> String {
             fidelity.paintings.len(),
             fidelity.views,
         );
-        if let (Some(short), Some(long), Some(sharpness)) =
-            (result.short, result.long, result.sharpness)
-        {
+        if let (Some(exact), Some(sharpness)) = (&result.consistency, result.sharpness) {
             line += &format!(
                 "\n  consistency E×100 {} short, {} long, sharpness {sharpness:.2}",
-                agreement(&short),
-                agreement(&long),
+                agreement(&exact.short),
+                agreement(&exact.long),
             );
             if let Some(truth) = &result.true_depth {
                 line += &format!(
                     "\n  by true depth {} short, {} long",
-                    agreement(&truth.short),
-                    agreement(&truth.long),
+                    agreement(&truth.consistency.short),
+                    agreement(&truth.consistency.long),
                 );
             }
             if let Some(ratio) = result.over_photo.filter(|_| name != PHOTO) {
@@ -195,7 +193,7 @@ fn table(evaluation: &Evaluation) -> String {
                 );
             }
         }
-        for failed in Guard::failed(name, result) {
+        for failed in FailedGuard::of(name, result) {
             line += &format!("\n  {failed}");
         }
         lines.push(line);

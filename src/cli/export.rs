@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use impasto::Model;
-use impasto::export::{Exported, ViewOptions, Views, Watch, export_points, export_splats};
+use impasto::export::{Exported, ViewSelection, Views, Watch, export_points, export_splats};
 use serde_json::json;
 
 use super::device::DeviceArgs;
@@ -102,7 +102,7 @@ pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
         progress: &mut progress,
         stop: &stop,
     };
-    let options = ViewOptions {
+    let options = ViewSelection {
         views: args.views.map(|views| views as usize),
         size: args.size,
     };

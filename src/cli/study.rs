@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use impasto::eval::methods::Stylizer;
 use impasto::eval::study::{
-    Key, MeanShare, PerQuestion, Plan, Share, StudyOptions, StudySummary, summarise,
+    MeanPreference, PerQuestion, Preference, StudyKey, StudyOptions, StudyPlan, StudySummary,
+    summarise,
 };
 use impasto::scene::file::{LARGEST_FILE, read_whole};
 use impasto::{Model, read_paintings};
@@ -123,7 +124,7 @@ fn make(args: &MakeArgs) -> Result<Answer, CliError> {
         bytes: usize::from(args.megabytes) * 1_000_000,
         seed: args.seed,
     };
-    let plan = Plan::new(&model, options)?;
+    let plan = StudyPlan::new(&model, options)?;
     let mut bar = progress::Frames::new(plan.frames());
     let study = plan.make(&model, &mut || bar.tick())?;
     drop(bar);
@@ -138,7 +139,7 @@ fn make(args: &MakeArgs) -> Result<Answer, CliError> {
     Ok(made(args, &study.key, study.page.len()))
 }
 
-fn made(args: &MakeArgs, key: &Key, bytes: usize) -> Answer {
+fn made(args: &MakeArgs, key: &StudyKey, bytes: usize) -> Answer {
     let (page, path) = (args.output.join(PAGE), args.output.join(KEY));
     let [width, height] = key.size;
     let kind = if key.synthetic { "synthetic " } else { "" };
@@ -168,7 +169,7 @@ fn made(args: &MakeArgs, key: &Key, bytes: usize) -> Answer {
 }
 
 fn summary(args: &SummaryArgs) -> Result<Answer, CliError> {
-    let key = Key::read(&read(&args.study.join(KEY))?)?;
+    let key = StudyKey::read(&read(&args.study.join(KEY))?)?;
     let files = args.answers.iter().map(|path| {
         let text = read(path)?;
         Ok((path.display().to_string(), text))
@@ -213,7 +214,7 @@ fn describe(summary: &StudySummary) -> String {
     if let Some(mean) = &summary.mean {
         lines.push("mean over methods".into());
         lines.extend(questions(mean).map(|(question, mean)| {
-            let MeanShare {
+            let MeanPreference {
                 share,
                 over_participants,
             } = mean;
@@ -238,7 +239,7 @@ fn questions<T>(both: &PerQuestion<T>) -> impl Iterator<Item = (&'static str, &T
     named.into_iter()
 }
 
-fn describe_share(question: &str, found: &Share, participants: usize) -> String {
+fn describe_share(question: &str, found: &Preference, participants: usize) -> String {
     format!(
         "  {question}: {:.1} % prefer Impasto ({} to {}, {} cannot tell)\n    {}; {} over answers as if independent (Wilson)\n    \
          sign test: p = {:.3} over participants, {:.3} over answers as if independent",

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use image::RgbImage;
-use impasto::eval::methods::{AdaInReport, AdaInTraining, train_adain};
+use impasto::eval::training::{AdaInReport, AdaInTraining, train_adain};
 use impasto::read_paintings;
 use serde_json::json;
 

@@ -1,4 +1,4 @@
-//! Whether frames of a walk agree with each other (PAPER §10; Lai et al. 2018).
+//! Whether frames along a path agree with each other (PAPER §10; Lai et al. 2018).
 
 use crate::flow::Correspondence;
 use image::RgbImage;
@@ -76,7 +76,7 @@ pub fn pair_error(pair: &Correspondence, first: &[f32], second: &[f32]) -> PairE
 }
 
 /// Consistency over all pairs of one range; NaN (`null` in JSON) where no pair counts.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Consistency {
     /// Mean E × 100.
     pub e100: f64,
@@ -102,13 +102,11 @@ pub struct Consistency {
 }
 
 impl Consistency {
-    /// The mean over several walks along the same path.
-    pub fn mean(all: &[Self]) -> Self {
+    /// The mean over several methods' or styles' frames along the same path; `None` over none.
+    pub fn mean(all: &[Self]) -> Option<Self> {
         let mean = |get: fn(&Self) -> f64| all.iter().map(get).sum::<f64>() / all.len() as f64;
-        let Some(first) = all.first() else {
-            return Self::default();
-        };
-        Self {
+        let first = all.first()?;
+        Some(Self {
             e100: mean(|c| c.e100),
             relative: mean(|c| c.relative),
             rmse: mean(|c| c.rmse),
@@ -117,24 +115,45 @@ impl Consistency {
                 .vgg_unweighted
                 .map(|_| mean(|c| c.vgg_unweighted.unwrap_or_default())),
             ..*first
+        })
+    }
+}
+
+/// Something at each of [`RANGES`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ByRange<T> {
+    /// Neighbouring frames.
+    pub short: T,
+    /// Frames seven apart.
+    pub long: T,
+}
+
+impl<T> ByRange<T> {
+    /// At short and at long range.
+    pub fn each_ref(&self) -> [&T; 2] {
+        [&self.short, &self.long]
+    }
+
+    /// What `of` makes of this and another at each range.
+    pub(crate) fn with<U>(&self, other: &Self, of: impl Fn(&T, &T) -> U) -> ByRange<U> {
+        ByRange {
+            short: of(&self.short, &other.short),
+            long: of(&self.long, &other.long),
         }
     }
 }
 
-/// One number for each of [`RANGES`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ByRange {
-    /// Neighbouring frames.
-    pub short: f64,
-    /// Frames seven apart.
-    pub long: f64,
+impl<T> From<[T; 2]> for ByRange<T> {
+    fn from([short, long]: [T; 2]) -> Self {
+        Self { short, long }
+    }
 }
 
-/// Pairs of a walk whose perceptual distance is measured: it costs hundreds of times what the
+/// Pairs of a range whose perceptual distance is measured: it costs hundreds of times what the
 /// others do.
 const PERCEPTUAL_PAIRS: usize = 4;
 
-/// The pairs of a walk at one range.
+/// The pairs of frames along a path at one range.
 #[derive(Debug, Clone)]
 pub struct Pairs {
     /// First and second frame, and how they correspond; only pairs that count.
@@ -175,9 +194,9 @@ impl Pairs {
         }
     }
 
-    /// How frames `(t, t − range)` correspond, of pairs that count.
-    pub(crate) fn links(&self) -> impl Iterator<Item = ([usize; 2], &Correspondence)> {
-        self.kept.iter().map(|(frames, pair)| (*frames, pair))
+    /// How frames `(t, t − range)` correspond, each with `t`, of pairs that count.
+    pub(crate) fn links(&self) -> impl Iterator<Item = (usize, &Correspondence)> {
+        self.kept.iter().map(|([t, _], pair)| (*t, pair))
     }
 
     /// The pair of largest E; the first of several. `None` if no pair counts.
@@ -191,10 +210,8 @@ impl Pairs {
         });
         let errors: Vec<PairError> = errors.collect();
         let all = self.kept.iter().zip(errors);
-        let worst = all.reduce(|worst, next| match next.1.square > worst.1.square {
-            true => next,
-            false => worst,
-        });
+        // The first of equals is the least in this order.
+        let worst = all.min_by(|a, b| b.1.square.total_cmp(&a.1.square));
         worst.map(|((frames, pair), error)| Worst {
             frames: *frames,
             pair,
@@ -267,18 +284,18 @@ pub(crate) mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
     use super::*;
-    use crate::flow::Geometry;
+    use crate::flow::FrameGeometry;
     use crate::flow::tests::camera;
     use image::Rgb;
 
     const DEPTH: f32 = 2.0;
 
-    /// Pairs of a sideways walk along a wall.
+    /// Pairs of a sideways path along a wall.
     pub(crate) fn pairs(frames: usize, range: usize, step: f64) -> Pairs {
         let depth = [DEPTH; 40 * 30];
         Pairs::new(frames, range, |a, b| {
             let cameras = [a, b].map(|i| camera(step * i as f64));
-            let [first, second] = cameras.each_ref().map(|camera| Geometry {
+            let [first, second] = cameras.each_ref().map(|camera| FrameGeometry {
                 camera,
                 depth: &depth,
             });
@@ -286,7 +303,7 @@ pub(crate) mod tests {
         })
     }
 
-    /// The wall, painted with a ramp, from along the walk; with noise of its own in each frame.
+    /// The wall, painted with a ramp, from along the path; with noise of its own in each frame.
     pub(crate) fn frames(count: usize, step: f64, noise: u8) -> Vec<RgbImage> {
         let shade = |frame: usize, x: u32, y: u32| {
             let along = f64::from(x) + 20.0 * step * frame as f64;
@@ -316,13 +333,13 @@ pub(crate) mod tests {
 
     #[test]
     fn the_worst_pair_is_the_one_with_the_stained_frame() {
-        let walk = pairs(6, 1, 0.05);
+        let wall = pairs(6, 1, 0.05);
         let mut frames = frames(6, 0.05, 8);
-        let worst = |frames: &[RgbImage]| walk.worst(frames).unwrap();
+        let worst = |frames: &[RgbImage]| wall.worst(frames).unwrap();
         // The last frame is compared with the one before it alone.
         (5..20).for_each(|x| frames[5].put_pixel(x, 15, Rgb([255, 0, 0])));
         assert_eq!(worst(&frames).frames, [5, 4]);
-        let all = walk.consistency(&frames, None).unwrap();
+        let all = wall.consistency(&frames, None).unwrap();
         assert!(100.0 * worst(&frames).error.square > all.e100);
         frames[0] = RgbImage::from_pixel(40, 30, Rgb([0, 255, 0]));
         assert_eq!(worst(&frames).frames, [1, 0]);

@@ -2,9 +2,10 @@
 //! (Kroeger et al. 2016) without its variational refinement.
 
 use crate::flow::Flow;
-use crate::plane::Plane;
+use crate::grid::Grid;
 use image::RgbImage;
 use rayon::prelude::*;
+use std::iter::successors;
 
 /// Side of a patch, and distance between two, in pixels of their level.
 const PATCH: usize = 8;
@@ -22,22 +23,19 @@ const DAMPING: f32 = 1e-3;
 /// # Panics
 /// If the sizes differ.
 pub fn estimated(from: &RgbImage, to: &RgbImage) -> Flow {
-    assert_eq!(from.dimensions(), to.dimensions(), "two frames of a walk");
-    let mut levels = vec![[Plane::of(from), Plane::of(to)]];
-    loop {
-        let [last, _] = &levels[levels.len() - 1];
-        if last.width.min(last.height) < 2 * LEAST_SIDE {
-            break;
-        }
-        let halved = levels[levels.len() - 1].each_ref().map(Plane::halved);
-        levels.push(halved);
-    }
+    assert_eq!(from.dimensions(), to.dimensions(), "two frames of a path");
+    let finest = [Grid::brightness(from), Grid::brightness(to)];
+    let levels = successors(Some(finest), |finer| {
+        let large = finer[0].width.min(finer[0].height) >= 2 * LEAST_SIDE;
+        large.then(|| finer.each_ref().map(Grid::halved))
+    });
+    let levels: Vec<[Brightness; 2]> = levels.collect();
     let mut motion: Option<Motion> = None;
     for [from, to] in levels.iter().rev() {
         motion = Some(level(from, to, motion.as_ref()));
     }
     let (width, height) = (from.width() as usize, from.height() as usize);
-    let vectors = motion.map_or_else(Vec::new, |m| m.vectors);
+    let vectors = motion.map_or_else(Vec::new, |m| m.values);
     let inside = vectors.into_iter().enumerate().map(|(i, [dx, dy])| {
         let (x, y) = ((i % width) as f32 + 0.5 + dx, (i / width) as f32 + 0.5 + dy);
         let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
@@ -50,12 +48,10 @@ pub fn estimated(from: &RgbImage, to: &RgbImage) -> Flow {
     }
 }
 
+/// A level of a picture.
+type Brightness = Grid<f32>;
 /// Motion of every pixel of a level.
-struct Motion {
-    width: usize,
-    height: usize,
-    vectors: Vec<[f32; 2]>,
-}
+type Motion = Grid<[f32; 2]>;
 
 /// A patch of the first picture, and where its content went.
 struct Patch {
@@ -64,7 +60,7 @@ struct Patch {
     motion: [f32; 2],
 }
 
-fn level(from: &Plane, to: &Plane, coarser: Option<&Motion>) -> Motion {
+fn level(from: &Brightness, to: &Brightness, coarser: Option<&Motion>) -> Motion {
     let places = |side: usize| {
         let last = side.saturating_sub(PATCH);
         (0..last).step_by(STRIDE).chain([last])
@@ -78,27 +74,24 @@ fn level(from: &Plane, to: &Plane, coarser: Option<&Motion>) -> Motion {
             let first = coarser.map_or([0.0; 2], |motion| {
                 let place = |at: usize, side: usize| ((at + PATCH / 2) / 2).min(side - 1);
                 let (cx, cy) = (place(x, motion.width), place(y, motion.height));
-                motion.vectors[cy * motion.width + cx].map(|v| 2.0 * v)
+                motion.values[cy * motion.width + cx].map(|v| 2.0 * v)
             });
-            Patch {
-                x,
-                y,
-                motion: search(from, to, [x, y], first),
-            }
+            let motion = search(from, to, [x, y], first);
+            Patch { x, y, motion }
         })
         .collect();
     densified(from, to, &patches)
 }
 
 /// Inverse compositional search of one patch, both sides less their mean brightness.
-fn search(from: &Plane, to: &Plane, [x, y]: [usize; 2], first: [f32; 2]) -> [f32; 2] {
+fn search(from: &Brightness, to: &Brightness, [x, y]: [usize; 2], first: [f32; 2]) -> [f32; 2] {
     let side = |length: usize| PATCH.min(length);
     let (width, height) = (side(from.width), side(from.height));
     let pixels: Vec<[f32; 2]> = (0..width * height)
         .map(|i| [(x + i % width) as f32, (y + i / width) as f32])
         .collect();
     let n = pixels.len() as f32;
-    let centred = |plane: &Plane, [dx, dy]: [f32; 2]| -> Vec<f32> {
+    let centred = |plane: &Brightness, [dx, dy]: [f32; 2]| -> Vec<f32> {
         let values: Vec<f32> = pixels
             .iter()
             .map(|[x, y]| plane.at(x + dx, y + dy))
@@ -145,7 +138,7 @@ fn search(from: &Plane, to: &Plane, [x, y]: [usize; 2], first: [f32; 2]) -> [f32
 }
 
 /// Every pixel's mean over the patches that cover it, the better fitting ones counting more.
-fn densified(from: &Plane, to: &Plane, patches: &[Patch]) -> Motion {
+fn densified(from: &Brightness, to: &Brightness, patches: &[Patch]) -> Motion {
     let mut sums = vec![[0.0f32; 3]; from.values.len()];
     for patch in patches {
         let [dx, dy] = patch.motion;
@@ -166,7 +159,7 @@ fn densified(from: &Plane, to: &Plane, patches: &[Patch]) -> Motion {
     Motion {
         width: from.width,
         height: from.height,
-        vectors: vectors.collect(),
+        values: vectors.collect(),
     }
 }
 

@@ -9,9 +9,10 @@
 //! - retrieval: the share of (view, painting) pairs whose render is nearest to its own painting
 //!   among all the paintings.
 
-use crate::consistency::Consistency;
+use crate::consistency::{ByRange, Consistency};
+use crate::resize::scaled;
 use image::RgbImage;
-use image::imageops::{FilterType, resize};
+use image::imageops::FilterType;
 use impasto_style::{Features, Perceptual, Statistics, StyleError, picture};
 use impasto_train::{STYLE_SIDE, whole};
 use serde::Serialize;
@@ -33,13 +34,10 @@ pub struct PaintingResult {
     pub taken_for: Option<String>,
     /// Mean squared difference of relu4_1 to the unstylised render.
     pub content_loss: f64,
-    /// Agreement of neighbouring frames in this style, by exact flow; `None` without a walk.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub short: Option<Consistency>,
-    /// Agreement of frames seven apart.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub long: Option<Consistency>,
-    /// Gradient energy of the walk's frames in this style, relative to the unstylised ones.
+    /// Agreement of frames in this style, by exact flow; `None` without a path.
+    #[serde(flatten)]
+    pub consistency: Option<ByRange<Consistency>>,
+    /// Gradient energy of the frames in this style, relative to the unstylised ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharpness: Option<f64>,
 }
@@ -61,16 +59,16 @@ pub struct StyleFidelity {
     pub paintings: Vec<PaintingResult>,
 }
 
-/// What views are judged by: paintings, and the unstylised renders.
-pub(crate) struct Judge<'a> {
-    vgg: &'a Perceptual,
+/// What views are measured against: paintings, and the unstylised renders.
+pub(crate) struct FidelityMetric<'a> {
+    pub(crate) vgg: &'a Perceptual,
     names: Vec<&'a str>,
     targets: Vec<Statistics>,
     /// Per view.
     plain: Vec<Features>,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> FidelityMetric<'a> {
     pub(crate) fn new(
         vgg: &'a Perceptual,
         paintings: &'a [(String, RgbImage)],
@@ -86,8 +84,8 @@ impl<'a> Judge<'a> {
         })
     }
 
-    /// Judges the views of one painting.
-    pub(crate) fn painting(
+    /// Measures the views of one painting.
+    pub(crate) fn of_views(
         &self,
         index: usize,
         views: &[RgbImage],
@@ -97,13 +95,14 @@ impl<'a> Judge<'a> {
         Ok(self.of_features(index, &views))
     }
 
-    /// Judges the unstylised views as if they were that painting's.
-    pub(crate) fn unstyled(&self, index: usize) -> PaintingResult {
+    /// Measures the unstylised views as if they were that painting's.
+    pub(crate) fn of_unstylised(&self, index: usize) -> PaintingResult {
         self.of_features(index, &self.plain)
     }
 
     fn of_features(&self, index: usize, views: &[Features]) -> PaintingResult {
-        let mut result = PaintingResult::new(self.names[index]);
+        // Style loss, style gain, retrieval and content loss.
+        let mut sums = [0.0; 4];
         let target = &self.targets[index];
         let mut taken = vec![0; self.targets.len()];
         for (painted, plain) in views.iter().zip(&self.plain) {
@@ -119,16 +118,28 @@ impl<'a> Judge<'a> {
             let content = painted.content.iter().zip(&plain.content);
             let content = content.map(|(a, b)| f64::from((a - b).powi(2)));
             let before = f64::from(plain.statistics.distance(target));
-            result.style_loss += f64::from(loss);
-            result.style_gain += 1.0 - f64::from(loss) / before;
-            result.retrieved += f64::from(u8::from(other.is_none()));
-            result.content_loss += content.sum::<f64>() / plain.content.len() as f64;
+            let found = [
+                f64::from(loss),
+                1.0 - f64::from(loss) / before,
+                f64::from(u8::from(other.is_none())),
+                content.sum::<f64>() / plain.content.len() as f64,
+            ];
+            (0..4).for_each(|i| sums[i] += found[i]);
         }
-        result.divide(views.len().max(1) as f64);
+        let count = views.len().max(1) as f64;
+        let [style_loss, style_gain, retrieved, content_loss] = sums.map(|sum| sum / count);
         let most = taken.iter().copied().max().filter(|most| *most > 0);
         let most = most.and_then(|most| taken.iter().position(|count| *count == most));
-        result.taken_for = most.map(|other| self.names[other].to_owned());
-        result
+        PaintingResult {
+            name: self.names[index].to_owned(),
+            style_loss,
+            style_gain,
+            retrieved,
+            taken_for: most.map(|other| self.names[other].to_owned()),
+            content_loss,
+            consistency: None,
+            sharpness: None,
+        }
     }
 }
 
@@ -149,43 +160,12 @@ impl StyleFidelity {
     }
 }
 
-impl PaintingResult {
-    fn new(name: &str) -> Self {
-        Self {
-            name: name.to_owned(),
-            style_loss: 0.0,
-            style_gain: 0.0,
-            retrieved: 0.0,
-            taken_for: None,
-            content_loss: 0.0,
-            short: None,
-            long: None,
-            sharpness: None,
-        }
-    }
-
-    fn divide(&mut self, views: f64) {
-        for value in [
-            &mut self.style_loss,
-            &mut self.style_gain,
-            &mut self.retrieved,
-            &mut self.content_loss,
-        ] {
-            *value /= views;
-        }
-    }
-}
-
 fn features(vgg: &Perceptual, image: &RgbImage) -> Result<Features, StyleError> {
     let (width, height) = image.dimensions();
     let scale = f64::from(STYLE_SIDE) / f64::from(width.min(height));
-    let size = |side: u32| (f64::from(side) * scale).round() as u32;
-    let image = resize(image, size(width), size(height), FilterType::Triangle);
-    vgg.features(
-        &picture(&image),
-        image.height() as usize,
-        image.width() as usize,
-    )
+    let image = scaled(image, scale, FilterType::Triangle);
+    let [width, height] = [image.width(), image.height()].map(|side| side as usize);
+    vgg.features(&picture(&image), height, width)
 }
 
 #[cfg(test)]
@@ -214,10 +194,10 @@ mod tests {
         let paintings = names.map(str::to_owned).into_iter().zip(pictures.clone());
         let paintings: Vec<_> = paintings.collect();
         let plain = vec![picture(40, [200, 200, 200]); 4];
-        let judge = Judge::new(&vgg, &paintings, &plain).unwrap();
+        let metric = FidelityMetric::new(&vgg, &paintings, &plain).unwrap();
         let of = |views: [usize; 4]| {
             let views = views.map(|i| pictures[i].clone());
-            let found = judge.painting(1, &views).unwrap();
+            let found = metric.of_views(1, &views).unwrap();
             (found.retrieved, found.taken_for)
         };
         assert_eq!(of([1, 1, 1, 1]), (1.0, None));

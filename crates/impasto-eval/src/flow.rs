@@ -1,12 +1,13 @@
 //! Where the pixels of one frame are in another, exactly: by depth and poses instead of by an
 //! estimate (PAPER §10, with the model's own geometry).
 
+use crate::grid::around;
 use glam::{DVec2, DVec3};
 use impasto_scene::Camera;
 
 /// A frame's geometry.
 #[derive(Debug, Clone, Copy)]
-pub struct Geometry<'a> {
+pub struct FrameGeometry<'a> {
     /// Its camera, in scene space.
     pub camera: &'a Camera,
     /// `height × width`, depth along the camera's axis in scene units; infinite where there is
@@ -32,29 +33,24 @@ const SAME_DEPTH: f64 = 0.02;
 const FAR: f64 = 1e6;
 
 impl Flow {
-    /// From frame `from` to frame `to`.
+    /// From frame `from` to frame `to`, and which pixels' content is visible in the latter: its own
+    /// depth there must agree with theirs.
     ///
     /// # Panics
     /// If a depth map does not have its camera's size.
-    fn between(from: &Geometry<'_>, to: &Geometry<'_>) -> Self {
-        Self::exact(from, to).0
-    }
-
-    /// The same, and which pixels' content the other frame sees: its own depth there must agree
-    /// with theirs.
-    fn exact(from: &Geometry<'_>, to: &Geometry<'_>) -> (Self, Vec<bool>) {
+    fn exact(from: &FrameGeometry<'_>, to: &FrameGeometry<'_>) -> (Self, Vec<bool>) {
         let k = &from.camera.intrinsics;
         let (width, height) = (k.width as usize, k.height as usize);
         assert_eq!(from.depth.len(), width * height, "depth of a frame");
         let places = (0..width * height).map(|i| {
             let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
             let ray = from.camera.ray(pixel.x, pixel.y);
-            if from.depth[i].is_nan() {
-                return (None, false);
-            }
-            let depth = f64::from(from.depth[i]).min(FAR);
-            seen(to, pixel, ray.origin + ray.direction * depth)
+            // NaN would be far away.
+            let depth = Some(from.depth[i]).filter(|depth| !depth.is_nan())?;
+            let depth = f64::from(depth).min(FAR);
+            motion(to, pixel, ray.origin + ray.direction * depth)
         });
+        let places = places.map(|found| (found.map(|f| f.0), found.is_some_and(|f| f.1)));
         let (vectors, visible) = places.unzip();
         let flow = Self {
             width,
@@ -79,18 +75,14 @@ impl Flow {
     }
 }
 
-/// Motion of a pixel whose content is at `world`, and whether the other frame sees it there.
-fn seen(to: &Geometry<'_>, pixel: DVec2, world: DVec3) -> (Option<[f32; 2]>, bool) {
+/// Motion of a pixel whose content is at `world`, and whether the other frame shows it there;
+/// `None` if that is behind the other camera or outside its image.
+fn motion(to: &FrameGeometry<'_>, pixel: DVec2, world: DVec3) -> Option<([f32; 2], bool)> {
     let k = &to.camera.intrinsics;
-    let Some((place, depth)) = to.camera.project(world) else {
-        return (None, false);
-    };
-    let inside = place.x >= 0.0
-        && place.y >= 0.0
-        && place.x < f64::from(k.width)
-        && place.y < f64::from(k.height);
-    if !inside {
-        return (None, false);
+    let (place, depth) = to.camera.project(world)?;
+    let size = DVec2::new(k.width.into(), k.height.into());
+    if !(place.cmpge(DVec2::ZERO).all() && place.cmplt(size).all()) {
+        return None;
     }
     let motion = place - pixel;
     let index = place.y as usize * k.width as usize + place.x as usize;
@@ -98,7 +90,7 @@ fn seen(to: &Geometry<'_>, pixel: DVec2, world: DVec3) -> (Option<[f32; 2]>, boo
     // Beyond the scene's far end, two large depths are the same sky.
     let agrees =
         (there - depth).abs() <= SAME_DEPTH * there.max(depth) || there.min(depth) >= FAR / 2.0;
-    (Some([motion.x as f32, motion.y as f32]), agrees)
+    Some(([motion.x as f32, motion.y as f32], agrees))
 }
 
 /// The four pixels around a place (in pixels, centres at ½) and their bilinear weights.
@@ -108,16 +100,13 @@ fn corners(x: f32, y: f32, width: usize, height: usize) -> Option<[(usize, f32);
     if !inside {
         return None;
     }
-    let low = |at: f32, size: usize| at.clamp(0.0, (size - 1) as f32);
-    let (x, y) = (low(x, width), low(y, height));
-    let (left, top) = (x as usize, y as usize);
-    let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
-    let (across, down) = (x - left as f32, y - top as f32);
+    let ([upper_left, upper_right, lower_left, lower_right], [across, down]) =
+        around(x, y, [width, height]);
     Some([
-        (top * width + left, (1.0 - across) * (1.0 - down)),
-        (top * width + right, across * (1.0 - down)),
-        (bottom * width + left, (1.0 - across) * down),
-        (bottom * width + right, across * down),
+        (upper_left, (1.0 - across) * (1.0 - down)),
+        (upper_right, across * (1.0 - down)),
+        (lower_left, (1.0 - across) * down),
+        (lower_right, across * down),
     ])
 }
 
@@ -137,35 +126,30 @@ impl Correspondence {
     ///
     /// # Panics
     /// If a depth map does not have its camera's size.
-    pub fn exact(first: &Geometry<'_>, second: &Geometry<'_>) -> Self {
+    pub fn exact(first: &FrameGeometry<'_>, second: &FrameGeometry<'_>) -> Self {
         let (flow, visible) = Flow::exact(first, second);
-        let back = Flow::between(second, first);
+        let (back, _) = Flow::exact(second, first);
         let mut this = Self::of_flows(flow, &back);
-        this.mask
-            .iter_mut()
-            .zip(visible)
-            .for_each(|(mask, seen)| *mask &= seen);
+        for (mask, visible) in this.mask.iter_mut().zip(visible) {
+            *mask &= visible;
+        }
         this
     }
 
     /// By two flows alone, however they were found: forward–backward test and motion boundaries
     /// (Lai et al. 2018, after Ruder et al. 2016).
     pub fn of_flows(flow: Flow, back: &Flow) -> Self {
-        let mask = (0..flow.vectors.len()).map(|i| {
-            let Some(forward) = flow.vectors[i] else {
-                return false;
-            };
+        let counts = |i: usize| {
+            let forward = flow.vectors[i]?;
             let (x, y) = (i % flow.width, i / flow.width);
-            let place = [x as f32 + 0.5 + forward[0], y as f32 + 0.5 + forward[1]];
-            let Some(backward) = back.at(place[0], place[1]) else {
-                return false;
-            };
+            let backward = back.at(x as f32 + 0.5 + forward[0], y as f32 + 0.5 + forward[1])?;
             let square = |v: [f32; 2]| v[0] * v[0] + v[1] * v[1];
             let round = [backward[0] + forward[0], backward[1] + forward[1]];
             let occluded = square(round) > 0.01 * (square(backward) + square(forward)) + 0.5;
             let boundary = gradient(&flow, x, y) > 0.01 * square(forward) + 0.002;
-            !occluded && !boundary
-        });
+            Some(!occluded && !boundary)
+        };
+        let mask = (0..flow.vectors.len()).map(|i| counts(i).unwrap_or(false));
         Self {
             mask: mask.collect(),
             flow,
@@ -249,7 +233,7 @@ pub(crate) mod tests {
     fn wall(step: f64, depth: f32) -> Correspondence {
         let depth = [depth; 40 * 30];
         let cameras = [camera(0.0), camera(step)];
-        let [first, second] = cameras.each_ref().map(|camera| Geometry {
+        let [first, second] = cameras.each_ref().map(|camera| FrameGeometry {
             camera,
             depth: &depth,
         });
@@ -285,11 +269,11 @@ pub(crate) mod tests {
         let (first, second) = (camera(0.0), camera(0.2));
         let (near, far) = (depth_from(0.0), depth_from(0.2));
         let found = Correspondence::exact(
-            &Geometry {
+            &FrameGeometry {
                 camera: &first,
                 depth: &near,
             },
-            &Geometry {
+            &FrameGeometry {
                 camera: &second,
                 depth: &far,
             },

@@ -1,7 +1,8 @@
 //! What a consistency is worth nothing without: blur agrees with itself, and so does a frame that
 //! nobody painted.
 
-use crate::evaluate::{MethodResult, PHOTO};
+use crate::names::PHOTO;
+use crate::results::MethodResult;
 
 /// Sharpness under which a method's frames are called blurred: they have lost half the gradient
 /// energy of the unstylised ones.
@@ -11,17 +12,16 @@ pub const LEAST_STYLE_GAIN: f64 = 0.05;
 
 /// What a method fails in.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Guard {
+pub enum FailedGuard {
     /// Its frames have too little detail; the sharpness.
     Blurred(f64),
     /// Its frames are hardly nearer to the paintings than the unstylised ones; the style gain.
     HardlyStylised(f64),
 }
 
-impl Guard {
-    /// The guards that the method `name` fails. The unstylised render is the floor and is not
-    /// judged.
-    pub fn failed(name: &str, result: &MethodResult) -> Vec<Self> {
+impl FailedGuard {
+    /// The guards that the method `name` fails. The unstylised render is the floor and cannot fail.
+    pub fn of(name: &str, result: &MethodResult) -> Vec<Self> {
         if name == PHOTO {
             return Vec::new();
         }
@@ -37,18 +37,12 @@ impl Guard {
     }
 }
 
-impl std::fmt::Display for Guard {
+impl std::fmt::Display for FailedGuard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Blurred(value) => {
-                write!(f, "blurred (sharpness {value:.2} < {LEAST_SHARPNESS})")
-            }
-            Self::HardlyStylised(value) => {
-                write!(
-                    f,
-                    "hardly stylised (style gain {value:.2} < {LEAST_STYLE_GAIN})"
-                )
-            }
-        }
+        let (what, value, least) = match self {
+            Self::Blurred(value) => ("blurred (sharpness", value, LEAST_SHARPNESS),
+            Self::HardlyStylised(value) => ("hardly stylised (style gain", value, LEAST_STYLE_GAIN),
+        };
+        write!(f, "{what} {value:.2} < {least})")
     }
 }

@@ -1,12 +1,12 @@
 //! How much detail a picture has: a guard, because blur agrees with itself.
 
-use crate::plane::Plane;
+use crate::grid::Grid;
 use image::RgbImage;
 
 /// Mean squared difference of brightness (in `[0, 1]`) between neighbouring pixels,
 /// across and down; zero for a flat picture.
 pub fn gradient_energy(image: &RgbImage) -> f64 {
-    let plane = Plane::of(image);
+    let plane = Grid::brightness(image);
     let (mut sum, mut count) = (0.0, 0u64);
     for (y, row) in plane.values.chunks_exact(plane.width.max(1)).enumerate() {
         let below = plane.values[y * plane.width..].iter().skip(plane.width);

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use image::{Rgb, RgbImage};
-use impasto_eval::methods::Stylizer;
+use impasto_eval::methods::{Stylizer, Transfer};
 use impasto_eval::{EvalOptions, Evaluation, Reconstruct, evaluate};
 use impasto_field::EncodingConfig;
 use impasto_kernels::device::tested;
@@ -19,7 +19,7 @@ impl Stylizer for Whitewash {
         "whitewash"
     }
 
-    fn brush<'a>(&'a self, _: &RgbImage) -> Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a> {
+    fn transfer<'a>(&'a self, _: &RgbImage) -> Transfer<'a> {
         Box::new(|picture| {
             let (width, height) = picture.dimensions();
             RgbImage::from_pixel(width, height, Rgb([235, 230, 215]))
@@ -92,7 +92,7 @@ fn a_place_is_reconstructed_from_its_stylised_views() {
         paintings: &[painting(200), painting(60)],
         path: &path,
         supersampling: 2,
-        gallery: None,
+        record: None,
         against: &[&Whitewash],
         refine: Some(Budget::Steps(40)),
         reconstruct: Some(Reconstruct {
@@ -150,9 +150,10 @@ fn reconstruction_is_whitewashed(found: &Evaluation) {
 fn depth_is_known(found: &Evaluation) {
     assert!(found.depth_error.unwrap() > 0.0);
     for (name, result) in &found.methods {
-        let (truth, short) = (result.true_depth.unwrap(), result.short.unwrap());
-        assert!(truth.short.pairs > 0, "{name}");
-        let difference = truth.short.e100 - short.e100;
+        let (truth, exact) = (result.true_depth.unwrap(), result.consistency.unwrap());
+        let (by_truth, by_model) = (truth.consistency.short, exact.short);
+        assert!(by_truth.pairs > 0, "{name}");
+        let difference = by_truth.e100 - by_model.e100;
         assert_eq!(truth.difference.short, difference, "{name}");
     }
 }

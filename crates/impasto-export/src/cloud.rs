@@ -5,19 +5,19 @@ use rayon::prelude::*;
 
 use crate::ExportError;
 use crate::surface::{Sample, agree, samples, tolerance};
-use crate::views::{Seen, Views, Watch};
+use crate::views::{Pinhole, PosedView, Views, Watch, share};
 
 /// A point of this spacing, in pixels, hides the need for others up to this far away: a square
 /// lattice's farthest places are 0.71 away.
 const COVERED: f32 = 0.75;
 /// A point that is this many times coarser than what a view shows gives way to finer ones.
 const TOO_COARSE: f32 = 2.0;
-/// Smallest cosine between a normal and the ray: what is seen more slantingly than this has its
+/// Smallest cosine between a normal and the ray: what is viewed more slantingly than this has its
 /// points no longer than this says.
 pub(crate) const LEAST_COSINE: f32 = 0.3;
 /// Spacing of points on the sky, in pixels: it has little detail.
 const SKY_SPACING: f32 = 3.0;
-/// Other views contradict a point if they see this many tolerances behind it.
+/// Other views contradict a point if what they show is this many tolerances behind it.
 const CLEARLY: f32 = 2.0;
 
 /// A point of a surface.
@@ -55,88 +55,73 @@ pub(crate) struct CloudOptions {
 pub(crate) fn cloud(
     views: &Views,
     options: &CloudOptions,
-    share: (f64, f64),
+    part: [f64; 2],
     watch: &mut Watch<'_>,
 ) -> Result<Vec<Surfel>, ExportError> {
-    let seen: Vec<Vec<Sample>> = views.seen.iter().map(samples).collect();
+    let sampled: Vec<Vec<Sample>> = views.posed.iter().map(samples).collect();
     let mut surfels = Vec::new();
-    let count = views.seen.len();
-    for (i, (view, samples)) in views.seen.iter().zip(&seen).enumerate() {
-        let done = i as f64 / count as f64;
-        watch.at("points", share.0 + (share.1 - share.0) * done)?;
+    let count = views.len();
+    for (i, (view, samples)) in views.posed.iter().zip(&sampled).enumerate() {
+        watch.at("points", share(part, i, count))?;
         merge(&mut surfels, view, samples, options);
     }
-    let kept = surfels.par_iter().filter(|surfel| {
-        let views = views.seen.iter().zip(&seen);
-        is_supported(
-            surfel,
-            views.map(|(view, samples)| (view, samples.as_slice())),
-        )
-    });
+    let cameras = || views.posed.iter().map(|view| &view.camera).zip(&sampled);
+    let kept = surfels.par_iter().filter(|s| is_supported(s, cameras()));
     let surfels: Vec<Surfel> = kept.copied().collect();
-    match surfels.iter().any(|surfel| !surfel.sky) {
-        true => Ok(surfels),
-        false => Err(ExportError::NoSurfaces { views: count }),
+    if surfels.iter().all(|surfel| surfel.sky) {
+        return Err(ExportError::NoSurfaces { views: count });
     }
+    Ok(surfels)
 }
 
-fn merge(surfels: &mut Vec<Surfel>, view: &Seen, samples: &[Sample], options: &CloudOptions) {
-    let mut canvas = Canvas {
+fn merge(surfels: &mut Vec<Surfel>, view: &PosedView, samples: &[Sample], options: &CloudOptions) {
+    let mut merger = ViewMerger {
         view,
         samples,
         covered: vec![false; samples.len()],
         spacing: options.spacing,
     };
-    surfels.retain_mut(|surfel| canvas.absorb(surfel));
-    // A lattice first; then what it leaves out, which is thin or lies between two depths.
+    surfels.retain_mut(|surfel| merger.absorb(surfel));
+    let lattice = |step: usize| {
+        let width = view.camera.width;
+        let on = move |at: usize| at % step == step / 2;
+        (0..samples.len()).filter(move |i| on(i % width) && on(i / width))
+    };
     let step = options.spacing.round().max(1.0) as usize;
-    let lattice = |i: &usize| {
-        let (x, y) = (i % view.lens.width, i / view.lens.width);
-        x % step == step / 2 && y % step == step / 2
-    };
-    let sky = (SKY_SPACING * options.spacing).round() as usize;
-    let sky_lattice = |i: &usize| {
-        let (x, y) = (i % view.lens.width, i / view.lens.width);
-        x % sky == sky / 2 && y % sky == sky / 2
-    };
-    let all = 0..samples.len();
-    let mut order: Vec<usize> = all
-        .clone()
-        .filter(|i| samples[*i].sky && sky_lattice(i))
-        .collect();
-    order.extend(all.clone().filter(lattice));
-    order.extend(all);
-    for i in order {
+    let sky_step = (SKY_SPACING * options.spacing).round() as usize;
+    // A lattice first; then what it leaves out, which is thin or lies between two depths.
+    let sky = lattice(sky_step).filter(|i| samples[*i].sky);
+    for i in sky.chain(lattice(step)).chain(0..samples.len()) {
         let sample = &samples[i];
         let wanted = options.everything || (!sample.sky && sample.normal != Vec3::ZERO);
-        if wanted && !canvas.covered[i] {
-            surfels.push(canvas.add(i));
+        if wanted && !merger.covered[i] {
+            surfels.push(merger.add(i));
         }
     }
 }
 
 /// One view while points are merged with it.
-struct Canvas<'a> {
-    view: &'a Seen,
+struct ViewMerger<'a> {
+    view: &'a PosedView,
     samples: &'a [Sample],
     covered: Vec<bool>,
     spacing: f32,
 }
 
-impl Canvas<'_> {
+impl ViewMerger<'_> {
     /// Merges a point with what the view shows of it; `false` if it gives way to that.
     fn absorb(&mut self, surfel: &mut Surfel) -> bool {
-        let lens = &self.view.lens;
-        let Some((x, y, depth)) = lens.pixel(surfel.position) else {
+        let camera = &self.view.camera;
+        let Some((x, y, depth)) = camera.pixel(surfel.position) else {
             return true;
         };
-        let index = y * lens.width + x;
+        let index = y * camera.width + x;
         let sample = &self.samples[index];
-        let ray = surfel.position - lens.centre;
+        let ray = surfel.position - camera.centre;
         if !agree(depth, sample.depth) || surfel.normal.dot(ray) > 0.0 {
             return true;
         }
-        let footprint = lens.footprint(depth);
+        let footprint = camera.footprint(depth);
         let own = self.spacing * footprint * if sample.sky { SKY_SPACING } else { 1.0 };
         if surfel.spacing > TOO_COARSE * own {
             return sample.normal == Vec3::ZERO;
@@ -157,24 +142,24 @@ impl Canvas<'_> {
         if own * stretch < surfel.spacing * surfel.stretch {
             (surfel.toward, surfel.stretch) = (-ray.normalize_or_zero(), stretch);
         }
-        self.cover((x, y), depth, surfel.spacing / footprint);
+        self.cover([x, y], depth, surfel.spacing / footprint);
         true
     }
 
     /// The point that a pixel shows.
     fn add(&mut self, index: usize) -> Surfel {
-        let lens = &self.view.lens;
-        let (x, y) = (index % lens.width, index / lens.width);
+        let camera = &self.view.camera;
+        let (x, y) = (index % camera.width, index / camera.width);
         let sample = self.samples[index];
-        let position = lens.point(x, y, sample.depth);
-        let ray = position - lens.centre;
+        let position = camera.point(x, y, sample.depth);
+        let ray = position - camera.centre;
         let normal = match sample.normal {
             Vec3::ZERO => -ray.normalize_or(Vec3::Z),
             normal => normal,
         };
-        let footprint = lens.footprint(sample.depth);
+        let footprint = camera.footprint(sample.depth);
         let pixels = self.spacing * if sample.sky { SKY_SPACING } else { 1.0 };
-        self.cover((x, y), sample.depth, pixels);
+        self.cover([x, y], sample.depth, pixels);
         let cosine = cosine(normal, ray);
         Surfel {
             position,
@@ -189,14 +174,14 @@ impl Canvas<'_> {
     }
 
     /// Marks what a point of a spacing, in pixels, shows.
-    fn cover(&mut self, (x, y): (usize, usize), depth: f32, pixels: f32) {
+    fn cover(&mut self, [x, y]: [usize; 2], depth: f32, pixels: f32) {
         let radius = COVERED * pixels.max(1.0);
         let reach = radius as usize;
-        let lens = &self.view.lens;
-        for v in y.saturating_sub(reach)..=(y + reach).min(lens.height - 1) {
-            for u in x.saturating_sub(reach)..=(x + reach).min(lens.width - 1) {
+        let camera = &self.view.camera;
+        for v in y.saturating_sub(reach)..=(y + reach).min(camera.height - 1) {
+            for u in x.saturating_sub(reach)..=(x + reach).min(camera.width - 1) {
                 let (dx, dy) = (u.abs_diff(x) as f32, v.abs_diff(y) as f32);
-                let index = v * lens.width + u;
+                let index = v * camera.width + u;
                 if dx * dx + dy * dy <= radius * radius && agree(depth, self.samples[index].depth) {
                     self.covered[index] = true;
                 }
@@ -217,21 +202,20 @@ fn weight(cosine: f32, footprint: f32) -> f32 {
 /// Whether at least as many views show a point as see what is clearly behind it.
 fn is_supported<'a>(
     surfel: &Surfel,
-    views: impl Iterator<Item = (&'a Seen, &'a [Sample])>,
+    views: impl Iterator<Item = (&'a Pinhole, &'a Vec<Sample>)>,
 ) -> bool {
     let (mut shown, mut through) = (0, 0);
-    for (view, samples) in views {
-        let lens = &view.lens;
-        let Some((x, y, depth)) = lens.pixel(surfel.position) else {
+    for (camera, samples) in views {
+        let Some((x, y, depth)) = camera.pixel(surfel.position) else {
             continue;
         };
-        let around = (y.saturating_sub(1)..=(y + 1).min(lens.height - 1)).flat_map(|v| {
-            let columns = x.saturating_sub(1)..=(x + 1).min(lens.width - 1);
-            columns.map(move |u| samples[v * lens.width + u].depth)
+        let around = (y.saturating_sub(1)..=(y + 1).min(camera.height - 1)).flat_map(|v| {
+            let columns = x.saturating_sub(1)..=(x + 1).min(camera.width - 1);
+            columns.map(move |u| samples[v * camera.width + u].depth)
         });
         // The nearest of its neighbours: the point may be thin.
         let nearest = around.fold(f32::INFINITY, f32::min);
-        if agree(depth, samples[y * lens.width + x].depth) {
+        if agree(depth, samples[y * camera.width + x].depth) {
             shown += 1;
         } else if nearest - depth > CLEARLY * tolerance(depth) {
             through += 1;

@@ -8,7 +8,7 @@ use impasto_scene::file::plainly;
 /// Why there is no file.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// A model without views to look from.
+    /// A model without training views.
     #[error(
         "the model has no training views, so nobody knows where to look at its surfaces from; train \
          it again on its capture"

@@ -7,7 +7,7 @@ use glam::Vec3;
 use crate::ExportError;
 use crate::cloud::{CloudOptions, cloud};
 use crate::fit::fit;
-use crate::ply;
+use crate::ply::{self, Properties};
 use crate::splats::{Splat, splat};
 use crate::views::{RENDERED, Views, Watch};
 
@@ -20,37 +20,18 @@ const SPLAT_SPACING: f32 = 2.0;
 const MERGED: f64 = 0.75;
 const FITTED: f64 = 0.98;
 
-const POINT: [(&str, &str); 9] = [
-    ("float", "x"),
-    ("float", "y"),
-    ("float", "z"),
-    ("float", "nx"),
-    ("float", "ny"),
-    ("float", "nz"),
-    ("uchar", "red"),
-    ("uchar", "green"),
-    ("uchar", "blue"),
+const POINT: [Properties; 2] = [
+    ("float", &["x", "y", "z", "nx", "ny", "nz"]),
+    ("uchar", &["red", "green", "blue"]),
 ];
 
-const SPLAT: [(&str, &str); 17] = [
-    ("float", "x"),
-    ("float", "y"),
-    ("float", "z"),
-    ("float", "nx"),
-    ("float", "ny"),
-    ("float", "nz"),
-    ("float", "f_dc_0"),
-    ("float", "f_dc_1"),
-    ("float", "f_dc_2"),
-    ("float", "opacity"),
-    ("float", "scale_0"),
-    ("float", "scale_1"),
-    ("float", "scale_2"),
-    ("float", "rot_0"),
-    ("float", "rot_1"),
-    ("float", "rot_2"),
-    ("float", "rot_3"),
-];
+const SPLAT: [Properties; 1] = [(
+    "float",
+    &[
+        "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",
+        "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+    ],
+)];
 
 /// What was written.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,18 +58,12 @@ pub fn export_points(
         spacing: POINT_SPACING,
         everything: false,
     };
-    let surfels = cloud(views, &options, (RENDERED, FITTED), watch)?;
+    let surfels = cloud(views, &options, [RENDERED, FITTED], watch)?;
     let comments = comments(views, "point cloud of surfaces");
-    let bytes = write((path, &comments, &POINT), surfels.len(), watch, |i, row| {
-        let surfel = &surfels[i];
+    write(path, &comments, &POINT, &surfels, watch, |surfel, row| {
         floats(row, &capture(views, surfel.position));
         floats(row, &surfel.normal.to_array());
         row.extend(surfel.colour.to_array().map(byte));
-    })?;
-    Ok(Exported {
-        count: surfels.len(),
-        bytes,
-        psnr: None,
     })
 }
 
@@ -107,17 +82,14 @@ pub fn export_splats(
         spacing: SPLAT_SPACING,
         everything: true,
     };
-    let surfels = cloud(views, &options, (RENDERED, MERGED), watch)?;
+    let surfels = cloud(views, &options, [RENDERED, MERGED], watch)?;
     let mut splats: Vec<Splat> = surfels.iter().map(splat).collect();
     drop(surfels);
-    let psnr = fit(&mut splats, views, (MERGED, FITTED), watch)?;
-    let comments = comments(
-        views,
-        "3-D Gaussian splats, colours without view dependence",
-    );
+    let psnr = fit(&mut splats, views, [MERGED, FITTED], watch)?;
+    let what = "3-D Gaussian splats, colours without view dependence";
+    let comments = comments(views, what);
     let scale = (1.0 / views.normalisation.scale) as f32;
-    let bytes = write((path, &comments, &SPLAT), splats.len(), watch, |i, row| {
-        let splat = &splats[i];
+    let exported = write(path, &comments, &SPLAT, &splats, watch, |splat, row| {
         floats(row, &capture(views, splat.position));
         floats(row, &splat.normal.to_array());
         floats(row, &((splat.colour - 0.5) / HARMONIC).to_array());
@@ -127,33 +99,35 @@ pub fn export_splats(
         floats(row, &[q.w, q.x, q.y, q.z]);
     })?;
     Ok(Exported {
-        count: splats.len(),
-        bytes,
         psnr: Some(psnr),
+        ..exported
     })
 }
 
-/// Writes so many rows of a form, the last part of the work; the file's size.
-fn write(
-    (path, comments, form): (&Path, &[String], &[(&str, &str)]),
-    count: usize,
+/// Writes these properties of each row, the last part of the work.
+fn write<T>(
+    path: &Path,
+    comments: &[String],
+    properties: &[Properties],
+    rows: &[T],
     watch: &mut Watch<'_>,
-    row: impl Fn(usize, &mut Vec<u8>),
-) -> Result<u64, ExportError> {
+    row: impl Fn(&T, &mut Vec<u8>),
+) -> Result<Exported, ExportError> {
     watch.at("write", FITTED)?;
-    let bytes = ply::write(path, comments, form, count, row)?;
+    let bytes = ply::write(path, comments, properties, rows, row)?;
     (watch.progress)("write", 1.0);
-    Ok(bytes)
+    Ok(Exported {
+        count: rows.len(),
+        bytes,
+        psnr: None,
+    })
 }
 
 fn comments(views: &Views, what: &str) -> Vec<String> {
-    let kind = match views.synthetic {
-        true => "synthetic scene",
-        false => "scene",
-    };
+    let synthetic = if views.synthetic { "synthetic " } else { "" };
     vec![
         format!("Impasto: {what}"),
-        format!("{kind}: {}", views.name),
+        format!("{synthetic}scene: {}", views.name),
         "coordinates: those of the capture's camera poses, in its units".into(),
     ]
 }

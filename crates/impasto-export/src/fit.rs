@@ -3,9 +3,9 @@
 use glam::Vec3;
 
 use crate::ExportError;
-use crate::raster::{Advice, compare};
+use crate::raster::{Correction, compare};
 use crate::splats::Splat;
-use crate::views::{Views, Watch};
+use crate::views::{Views, Watch, share};
 
 /// Times that all views are gone through.
 const ROUNDS: usize = 4;
@@ -27,29 +27,28 @@ const FAINT: f32 = 0.03;
 pub(crate) fn fit(
     splats: &mut Vec<Splat>,
     views: &Views,
-    share: (f64, f64),
+    part: [f64; 2],
     watch: &mut Watch<'_>,
 ) -> Result<f64, ExportError> {
-    let count = views.seen.len();
+    let count = views.len();
     let mut psnr = 0.0;
-    let mut advice = vec![Advice::default(); splats.len()];
+    let mut corrections = vec![Correction::default(); splats.len()];
     for round in 0..ROUNDS {
         psnr = 0.0;
         let ease = 1.0 / (1.0 + round as f32);
         for turn in 0..count {
-            let done = (round * count + turn) as f64 / (ROUNDS * count) as f64;
-            watch.at("fit", share.0 + (share.1 - share.0) * done)?;
-            let view = &views.seen[turn_of(turn, count)];
-            let (error, found) = compare(&view.lens, splats, &view.colours);
+            watch.at("fit", share(part, round * count + turn, ROUNDS * count))?;
+            let view = &views.posed[turn_of(turn, count)];
+            let (error, found) = compare(&view.camera, splats, &view.colours);
             let channels = 3.0 * view.colours.len() as f64;
             psnr -= 10.0 * (error / channels).max(1e-10).log10() / count as f64;
             for (splat, more) in &found {
-                advice[*splat as usize].add(more);
+                corrections[*splat as usize].add(more);
             }
             for (splat, _) in &found {
                 let index = *splat as usize;
-                let own = std::mem::take(&mut advice[index]);
-                follow(&mut splats[index], &own, ease);
+                let own = std::mem::take(&mut corrections[index]);
+                correct(&mut splats[index], &own, ease);
             }
         }
     }
@@ -70,7 +69,7 @@ fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-impl Advice {
+impl Correction {
     fn add(&mut self, more: &Self) {
         self.light += more.light;
         self.lack += more.lack;
@@ -79,13 +78,13 @@ impl Advice {
     }
 }
 
-fn follow(splat: &mut Splat, advice: &Advice, ease: f32) {
-    if advice.light <= 0.0 {
+fn correct(splat: &mut Splat, correction: &Correction, ease: f32) {
+    if correction.light <= 0.0 {
         return;
     }
-    let colour = advice.lack / (advice.light + COLOUR_DOUBT);
+    let colour = correction.lack / (correction.light + COLOUR_DOUBT);
     splat.colour = (splat.colour + COLOUR_STEP * ease * colour).clamp(Vec3::ZERO, Vec3::ONE);
-    let opacity = advice.product / (advice.square + OPACITY_DOUBT);
+    let opacity = correction.product / (correction.square + OPACITY_DOUBT);
     splat.opacity = (splat.opacity + OPACITY_STEP * ease * opacity).clamp(LEAST, MOST);
 }
 

@@ -18,4 +18,4 @@ mod views;
 
 pub use error::ExportError;
 pub use export::{Exported, export_points, export_splats};
-pub use views::{View, ViewOptions, Views, Watch};
+pub use views::{RgbdView, ViewSelection, Views, Watch};

@@ -6,22 +6,26 @@ use std::path::Path;
 
 use crate::ExportError;
 
+/// A type, and the names of the properties that have it.
+pub(crate) type Properties = (&'static str, &'static [&'static str]);
+
 /// Writes a file under a temporary name beside its own, and renames it; returns its size.
-pub(crate) fn write(
+pub(crate) fn write<T>(
     path: &Path,
     comments: &[String],
-    properties: &[(&str, &str)],
-    rows: usize,
-    row: impl FnMut(usize, &mut Vec<u8>),
+    properties: &[Properties],
+    rows: &[T],
+    row: impl Fn(&T, &mut Vec<u8>),
 ) -> Result<u64, ExportError> {
-    let header = header(comments, properties, rows);
+    let header = header(comments, properties, rows.len());
     put(path, &header, rows, row).map_err(|source| ExportError::Write {
         path: path.to_owned(),
         source,
     })
 }
 
-fn header(comments: &[String], properties: &[(&str, &str)], rows: usize) -> String {
+fn header(comments: &[String], properties: &[Properties], rows: usize) -> String {
+    let printable = |c: char| if (' '..='~').contains(&c) { c } else { '?' };
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     for comment in comments {
         // A name may hold anything; a header's line may not.
@@ -29,24 +33,19 @@ fn header(comments: &[String], properties: &[(&str, &str)], rows: usize) -> Stri
         header += &format!("comment {line}\n");
     }
     header += &format!("element vertex {rows}\n");
-    for (kind, name) in properties {
-        header += &format!("property {kind} {name}\n");
+    for (kind, names) in properties {
+        for name in *names {
+            header += &format!("property {kind} {name}\n");
+        }
     }
     header + "end_header\n"
 }
 
-fn printable(letter: char) -> char {
-    match letter {
-        ' '..='~' => letter,
-        _ => '?',
-    }
-}
-
-fn put(
+fn put<T>(
     path: &Path,
     header: &str,
-    rows: usize,
-    mut row: impl FnMut(usize, &mut Vec<u8>),
+    rows: &[T],
+    row: impl Fn(&T, &mut Vec<u8>),
 ) -> io::Result<u64> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -63,9 +62,9 @@ fn put(
     let mut out = BufWriter::new(file.as_file_mut());
     out.write_all(header.as_bytes())?;
     let mut line = Vec::new();
-    for i in 0..rows {
+    for thing in rows {
         line.clear();
-        row(i, &mut line);
+        row(thing, &mut line);
         bytes += line.len();
         out.write_all(&line)?;
     }
@@ -84,7 +83,7 @@ mod tests {
     fn a_name_cannot_end_the_header() {
         let comments = ["scene a\nend_header\u{e9}".to_owned()];
         assert_eq!(
-            header(&comments, &[("float", "x")], 3),
+            header(&comments, &[("float", &["x"])], 3),
             "ply\nformat binary_little_endian 1.0\ncomment scene a?end_header?\nelement vertex 3\n\
              property float x\nend_header\n"
         );

@@ -3,7 +3,7 @@
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::views::{Lens, Seen};
+use crate::views::{Pinhole, PosedView};
 
 /// Half the side of the window that a plane is fitted to.
 const REACH: i32 = 2;
@@ -36,50 +36,46 @@ pub(crate) struct Sample {
 }
 
 /// Samples of all pixels, row by row.
-pub(crate) fn samples(view: &Seen) -> Vec<Sample> {
-    let lens = &view.lens;
+pub(crate) fn samples(view: &PosedView) -> Vec<Sample> {
+    let camera = &view.camera;
     let depths: Vec<(f32, bool)> = (0..view.depth.len())
         .into_par_iter()
-        .map(|i| limited(lens, i % lens.width, i / lens.width, view.depth[i]))
+        .map(|i| limited(camera, i % camera.width, i / camera.width, view.depth[i]))
         .collect();
     (0..depths.len())
         .into_par_iter()
-        .map(|i| sample(lens, &depths, i % lens.width, i / lens.width))
+        .map(|i| sample(camera, &depths, i % camera.width, i / camera.width))
         .collect()
 }
 
 /// A depth, or that at which a ray comes to the sky if it is less.
-fn limited(lens: &Lens, x: usize, y: usize, depth: f32) -> (f32, bool) {
-    let direction = lens.rotation * lens.aim(x, y);
-    let (a, b) = (direction.length_squared(), direction.dot(lens.centre));
-    let c = lens.centre.length_squared() - SKY * SKY;
+fn limited(camera: &Pinhole, x: usize, y: usize, depth: f32) -> (f32, bool) {
+    let ray = camera.rotation * camera.direction(x, y);
+    let (a, b) = (ray.length_squared(), ray.dot(camera.centre));
+    let c = camera.centre.length_squared() - SKY * SKY;
     let sky = ((b * b - a * c).max(0.0).sqrt() - b) / a;
-    match depth.is_finite() && depth < sky {
-        true => (depth.max(1e-6), false),
-        false => (sky.max(1e-6), true),
-    }
+    let near = depth.is_finite() && depth < sky;
+    let depth = if near { depth } else { sky };
+    (depth.max(1e-6), !near)
 }
 
 /// On a plane the inverse depth is affine in the image, so the plane is a least-squares fit.
-fn sample(lens: &Lens, depths: &[(f32, bool)], x: usize, y: usize) -> Sample {
-    let (depth, sky) = depths[y * lens.width + x];
-    let aim = lens.aim(x, y);
+fn sample(camera: &Pinhole, depths: &[(f32, bool)], x: usize, y: usize) -> Sample {
+    let (depth, sky) = depths[y * camera.width + x];
+    let with = |depth, normal| Sample { depth, normal, sky };
+    let direction = camera.direction(x, y);
     if sky {
-        return Sample {
-            depth,
-            normal: -(lens.rotation * aim).normalize(),
-            sky,
-        };
+        return with(depth, -(camera.rotation * direction).normalize());
     }
     let (mut products, mut right, mut count, mut all) = (Mat3::ZERO, Vec3::ZERO, 0.0, 0.0);
     for dy in -REACH..=REACH {
         for dx in -REACH..=REACH {
             let (u, v) = (x as i32 + dx, y as i32 + dy);
-            if u < 0 || v < 0 || u >= lens.width as i32 || v >= lens.height as i32 {
+            if u < 0 || v < 0 || u >= camera.width as i32 || v >= camera.height as i32 {
                 continue;
             }
             all += 1.0;
-            let (other, far) = depths[v as usize * lens.width + u as usize];
+            let (other, far) = depths[v as usize * camera.width + u as usize];
             if far || (other - depth).abs() > 2.0 * tolerance(other.min(depth)) {
                 continue;
             }
@@ -89,26 +85,17 @@ fn sample(lens: &Lens, depths: &[(f32, bool)], x: usize, y: usize) -> Sample {
             count += 1.0;
         }
     }
-    let none = Sample {
-        depth,
-        normal: Vec3::ZERO,
-        sky,
-    };
     // A row of pixels, or too few, have no plane.
     if count < LEAST_SHARE * all || products.determinant() < 1.0 {
-        return none;
+        return with(depth, Vec3::ZERO);
     }
     let fit = products.inverse() * right / depth;
     if fit.z <= 0.0 {
-        return none;
+        return with(depth, Vec3::ZERO);
     }
-    let slope = fit.truncate() * lens.focal;
-    let plane = slope.extend(fit.z - slope.dot(aim.truncate()));
-    Sample {
-        depth: 1.0 / fit.z,
-        normal: -(lens.rotation * plane).normalize_or_zero(),
-        sky,
-    }
+    let slope = fit.truncate() * camera.focal;
+    let plane = slope.extend(fit.z - slope.dot(direction.truncate()));
+    with(1.0 / fit.z, -(camera.rotation * plane).normalize_or_zero())
 }
 
 #[cfg(test)]
@@ -116,12 +103,12 @@ mod tests {
     use super::*;
     use glam::Vec2;
 
-    fn lens() -> Lens {
-        Lens {
+    fn camera() -> Pinhole {
+        Pinhole {
             width: 9,
             height: 7,
             focal: Vec2::new(10.0, 11.0),
-            middle: Vec2::new(4.0, 3.6),
+            principal: Vec2::new(4.0, 3.6),
             centre: Vec3::new(0.1, -0.2, 0.3),
             rotation: Mat3::from_rotation_y(0.4) * Mat3::from_rotation_x(-0.2),
         }
@@ -129,17 +116,17 @@ mod tests {
 
     #[test]
     fn a_plane_has_its_own_normal_and_depths() {
-        let lens = lens();
+        let camera = camera();
         // In camera space: normal · point = −1, in front of the camera and facing it.
         let normal = Vec3::new(0.3, -0.2, -1.0);
-        let depth = |i: usize| -1.0 / normal.dot(lens.aim(i % 9, i / 9));
-        let view = Seen {
-            lens,
+        let depth = |i: usize| -1.0 / normal.dot(camera.direction(i % 9, i / 9));
+        let view = PosedView {
+            camera,
             colours: vec![Vec3::ZERO; 63],
             depth: (0..63).map(depth).collect(),
         };
         for (i, sample) in samples(&view).iter().enumerate() {
-            let wanted = lens.rotation * normal.normalize();
+            let wanted = camera.rotation * normal.normalize();
             assert!((sample.normal - wanted).length() < 1e-3, "{sample:?}");
             assert!((sample.depth - depth(i)).abs() < 1e-4);
         }
@@ -147,25 +134,25 @@ mod tests {
 
     #[test]
     fn what_is_infinitely_far_lies_on_the_sky() {
-        let lens = lens();
-        let view = Seen {
-            lens,
+        let camera = camera();
+        let view = PosedView {
+            camera,
             colours: vec![Vec3::ZERO; 63],
             depth: vec![f32::INFINITY; 63],
         };
         for (i, sample) in samples(&view).iter().enumerate() {
-            let point = lens.point(i % 9, i / 9, sample.depth);
+            let point = camera.point(i % 9, i / 9, sample.depth);
             assert!(sample.sky && (point.length() - SKY).abs() < 1e-3);
         }
     }
 
     #[test]
     fn a_lonely_pixel_has_no_normal() {
-        let lens = lens();
+        let camera = camera();
         let mut depth = vec![5.0; 63];
         depth[31] = 1.0;
-        let view = Seen {
-            lens,
+        let view = PosedView {
+            camera,
             colours: vec![Vec3::ZERO; 63],
             depth,
         };

@@ -9,7 +9,9 @@ mod independent;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use impasto_export::{ExportError, View, ViewOptions, Views, Watch, export_points, export_splats};
+use impasto_export::{
+    ExportError, RgbdView, ViewSelection, Views, Watch, export_points, export_splats,
+};
 use impasto_scene::builtin::{self, BuiltinOptions};
 use impasto_scene::{Camera, Normalisation, Split};
 use impasto_train::{ModelPhoto, ModelScene, Stop};
@@ -46,11 +48,11 @@ fn scene(photos: usize) -> ModelScene {
 }
 
 /// What the built-in scene looks like from a camera in scene space.
-fn look(normalisation: Normalisation) -> impl FnMut(&Camera) -> View {
+fn render(normalisation: Normalisation) -> impl FnMut(&Camera) -> RgbdView {
     move |camera| {
         let seen = builtin::render(&in_capture(camera, &normalisation));
         let bytes = seen.pixels.into_raw();
-        View {
+        RgbdView {
             colours: bytes.iter().map(|byte| f32::from(*byte) / 255.0).collect(),
             depth: seen
                 .depth
@@ -70,8 +72,8 @@ fn watched<T>(work: impl FnOnce(&mut Watch<'_>) -> T) -> T {
 }
 
 fn views(scene: &ModelScene) -> Views {
-    let mut look = look(scene.normalisation);
-    watched(|watch| Views::of(scene, &ViewOptions::default(), &mut look, watch)).unwrap()
+    let mut render = render(scene.normalisation);
+    watched(|watch| Views::of(scene, &ViewSelection::default(), &mut render, watch)).unwrap()
 }
 
 /// Where pictures for people go, if somebody wants them.
@@ -82,7 +84,7 @@ fn kept(name: &str) -> Option<PathBuf> {
 
 /// PSNR of a file's splats against the built-in scene from a camera in scene space.
 fn fidelity(ply: &Ply, camera: &Camera, normalisation: Normalisation, name: &str) -> f64 {
-    let wanted = look(normalisation)(camera).colours;
+    let wanted = render(normalisation)(camera).colours;
     let found = rasterise(ply, &in_capture(camera, &normalisation));
     let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
     if let Some(path) = kept(name) {
@@ -157,7 +159,7 @@ fn splats_have_the_standard_properties_in_range_and_say_what_they_are() {
 
 /// A camera at (2, 0, 0) in capture coordinates that looks along x, whose picture is red, and what
 /// is 3 units before it in the capture.
-fn wall() -> (ModelScene, impl FnMut(&Camera) -> View) {
+fn wall() -> (ModelScene, impl FnMut(&Camera) -> RgbdView) {
     let mut scene = scene(1);
     let (centre, scale) = (DVec3::new(1.0, 2.0, 3.0), 0.25);
     scene.normalisation = Normalisation { centre, scale };
@@ -168,24 +170,24 @@ fn wall() -> (ModelScene, impl FnMut(&Camera) -> View) {
         DVec3::new(2.0, 0.0, 0.0).extend(1.0),
     );
     scene.photos[0].camera.camera_to_world = scene.normalisation.pose_to_scene(pose);
-    let look = move |camera: &Camera| {
+    let render = move |camera: &Camera| {
         let pixels = (camera.intrinsics.width * camera.intrinsics.height) as usize;
-        View {
+        RgbdView {
             colours: [1.0, 0.0, 0.2].repeat(pixels),
             depth: vec![3.0 * scale as f32; pixels],
         }
     };
-    (scene, look)
+    (scene, render)
 }
 
 #[test]
 fn points_lie_at_their_places_in_the_capture_and_face_the_camera() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("points.ply");
-    let (scene, mut look) = wall();
-    let options = ViewOptions::default();
+    let (scene, mut render) = wall();
+    let options = ViewSelection::default();
     let exported = watched(|watch| {
-        let views = Views::of(&scene, &options, &mut look, watch)?;
+        let views = Views::of(&scene, &options, &mut render, watch)?;
         export_points(&views, &path, watch)
     });
     assert_eq!(exported.unwrap().count, 160 * 120);
@@ -216,13 +218,13 @@ fn points_lie_at_their_places_in_the_capture_and_face_the_camera() {
 fn one_photo_is_enough() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("splats.ply");
-    let (scene, mut look) = wall();
+    let (scene, mut render) = wall();
     watched(|watch| {
-        let views = Views::of(&scene, &ViewOptions::default(), &mut look, watch)?;
+        let views = Views::of(&scene, &ViewSelection::default(), &mut render, watch)?;
         export_splats(&views, &path, watch)
     })
     .unwrap();
-    let found = fidelity_of(&path, &scene, &look(&scene.photos[0].camera).colours);
+    let found = fidelity_of(&path, &scene, &render(&scene.photos[0].camera).colours);
     assert!(found > 30.0, "{found:.1} dB");
 }
 
@@ -236,7 +238,7 @@ fn fidelity_of(path: &Path, scene: &ModelScene, wanted: &[f32]) -> f64 {
 fn what_other_views_see_through_is_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("points.ply");
-    let (mut scene, mut look) = wall();
+    let (mut scene, mut render) = wall();
     // Four cameras beside each other; before the first one hangs what the others do not see.
     let first = scene.photos[0].clone();
     for i in 1..4 {
@@ -247,7 +249,7 @@ fn what_other_views_see_through_is_left_out() {
     }
     let mut number = 0;
     let mut haunted = |camera: &Camera| {
-        let mut view = look(camera);
+        let mut view = render(camera);
         if number == 0 {
             for y in 40..60 {
                 view.depth[y * 160 + 40..y * 160 + 60].fill(0.3);
@@ -257,7 +259,7 @@ fn what_other_views_see_through_is_left_out() {
         view
     };
     watched(|watch| {
-        let views = Views::of(&scene, &ViewOptions::default(), &mut haunted, watch)?;
+        let views = Views::of(&scene, &ViewSelection::default(), &mut haunted, watch)?;
         export_points(&views, &path, watch)
     })
     .unwrap();
@@ -272,15 +274,15 @@ fn what_other_views_see_through_is_left_out() {
 fn what_cannot_be_exported_is_told_in_a_sentence_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.ply");
-    let (full, mut look) = wall();
-    let options = ViewOptions::default();
+    let (full, mut render) = wall();
+    let options = ViewSelection::default();
     let mut empty = full.clone();
     empty.photos.clear();
-    let none = watched(|watch| Views::of(&empty, &options, &mut look, watch));
+    let none = watched(|watch| Views::of(&empty, &options, &mut render, watch));
     assert!(none.unwrap_err().to_string().contains("no training views"));
 
     let mut nothing = |camera: &Camera| {
-        let mut view = look(camera);
+        let mut view = render(camera);
         view.depth.fill(f32::INFINITY);
         view
     };
@@ -290,7 +292,7 @@ fn what_cannot_be_exported_is_told_in_a_sentence_and_leaves_nothing() {
         assert!(problem.to_string().contains("shows a surface"), "{problem}");
     }
 
-    let views = watched(|watch| Views::of(&full, &options, &mut look, watch)).unwrap();
+    let views = watched(|watch| Views::of(&full, &options, &mut render, watch)).unwrap();
     let missing = folder.path().join("missing/out.ply");
     let problem = watched(|watch| export_points(&views, &missing, watch)).unwrap_err();
     assert!(problem.to_string().contains("out.ply"), "{problem}");

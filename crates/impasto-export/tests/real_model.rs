@@ -11,7 +11,7 @@ mod independent;
 use std::path::Path;
 use std::time::Instant;
 
-use impasto_export::{ViewOptions, Views, Watch, export_splats};
+use impasto_export::{ViewSelection, Views, Watch, export_splats};
 use impasto_scene::{Split, read_rgb};
 use impasto_train::{Coat, Model, Stop};
 use independent::{Ply, in_capture, psnr, rasterise, save};
@@ -42,7 +42,7 @@ fn check(model: &Model, name: &str, coats: &[Coat]) {
         progress: &mut |_, _| {},
         stop: &stop,
     };
-    let views = Views::of_model(model, coats, &ViewOptions::default(), &mut watch).unwrap();
+    let views = Views::of_model(model, coats, &ViewSelection::default(), &mut watch).unwrap();
     let rendered = start.elapsed().as_secs_f64();
     let exported = export_splats(&views, &path, &mut watch).unwrap();
     println!(

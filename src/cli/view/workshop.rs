@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use impasto::export::{ViewOptions, Views, Watch, export_points, export_splats};
+use impasto::export::{ViewSelection, Views, Watch, export_points, export_splats};
 use impasto::view::{ExportOrder, FilmOrder, Formats, Made, PaintOrder, Progress, Workshop};
 use impasto::{Coat, Model, Stop};
 
@@ -84,7 +84,7 @@ impl Workshop for Bench {
             progress: &mut progress,
             stop,
         };
-        let made = Views::of_model(&model, &coats, &ViewOptions::default(), &mut watch).and_then(
+        let made = Views::of_model(&model, &coats, &ViewSelection::default(), &mut watch).and_then(
             |views| match order.kind.as_str() {
                 "points" => export_points(&views, &output, &mut watch),
                 _ => export_splats(&views, &output, &mut watch),

@@ -1,34 +1,35 @@
 //! Two-dimensional style transfer to compare with, applied to unstylised renders frame by frame,
 //! and with the frame before it as a video.
 
-mod adain;
+pub(crate) mod adain;
 mod pictures;
 mod wct;
 
-pub use adain::{AdaIn, AdaInReport, AdaInTraining, train_adain};
+pub use adain::AdaIn;
 pub use wct::Wct;
 
-use crate::flow::Correspondence;
+use crate::consistency::Pairs;
+use crate::names::TEMPORAL;
 use image::RgbImage;
 use impasto_style::StyleError;
+use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What the name of a method's video variant ends with.
-pub(crate) const TEMPORAL: &str = "_temporal";
+/// Repaints a picture, which keeps its size, in the style of one painting.
+pub type Transfer<'a> = Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a>;
 
 /// A method that stylises pictures one by one.
 pub trait Stylizer: Sync {
     /// Its name in reports.
     fn name(&self) -> &'static str;
 
-    /// The name of its [`temporal`] variant.
+    /// The name of its variant for videos, whose frames are blended with those before them.
     fn video_name(&self) -> String {
         format!("{}{TEMPORAL}", self.name())
     }
 
-    /// What repaints pictures in the style of `painting`; the painting is looked at once. Pictures
-    /// keep their size.
-    fn brush<'a>(&'a self, painting: &RgbImage) -> Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a>;
+    /// What repaints pictures in the style of `painting`, which is encoded once.
+    fn transfer<'a>(&'a self, painting: &RgbImage) -> Transfer<'a>;
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, StyleError> {
@@ -49,19 +50,19 @@ pub const UNAVAILABLE: [(&str, &str); 4] = [
 ];
 const NO_WEIGHTS: &str = "this program has no weights for it";
 
-/// Share of the frame before, where it can be seen, in a temporal variant's frame.
+/// Share of the frame before, where it is visible, in a temporal variant's frame.
 const KEPT: f32 = 0.5;
 
 /// The video variant of frames that were stylised one by one: each is blended with the finished
-/// frame before it, warped, wherever `links[t]`, from frame `t` to frame `t − 1`, says what
-/// corresponds; without a link nothing does.
+/// frame before it, warped, wherever the two correspond.
 ///
 /// # Panics
-/// If there are fewer links than frames, or sizes differ.
-pub fn temporal(frames: &[RgbImage], links: &[Option<&Correspondence>]) -> Vec<RgbImage> {
+/// If sizes differ.
+pub(crate) fn temporal(frames: &[RgbImage], neighbours: &Pairs) -> Vec<RgbImage> {
+    let links: BTreeMap<usize, _> = neighbours.links().collect();
     let mut finished: Vec<RgbImage> = Vec::with_capacity(frames.len());
     for (t, frame) in frames.iter().enumerate() {
-        let (Some(before), Some(link)) = (finished.last(), links[t]) else {
+        let (Some(before), Some(link)) = (finished.last(), links.get(&t)) else {
             finished.push(frame.clone());
             continue;
         };
@@ -83,7 +84,7 @@ pub fn temporal(frames: &[RgbImage], links: &[Option<&Correspondence>]) -> Vec<R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flow::Flow;
+    use crate::flow::{Correspondence, Flow};
     use image::Rgb;
 
     #[test]
@@ -97,13 +98,11 @@ mod tests {
             },
             mask: (0..24).map(|i| i % 6 < 3).collect(),
         };
-        let video = temporal(
-            &[grey(100), grey(200), grey(0)],
-            &[None, Some(&link), Some(&link)],
-        );
+        let neighbours = |frames| Pairs::new(frames, 1, |_, _| link.clone());
+        let video = temporal(&[grey(100), grey(200), grey(0)], &neighbours(3));
         let at = |t: usize, x: u32| video[t].get_pixel(x, 2).0[0];
         assert_eq!([at(0, 0), at(1, 0), at(2, 0)], [100, 150, 75]);
         assert_eq!([at(0, 5), at(1, 5), at(2, 5)], [100, 200, 0]);
-        assert!(temporal(&[], &[]).is_empty());
+        assert!(temporal(&[], &neighbours(0)).is_empty());
     }
 }

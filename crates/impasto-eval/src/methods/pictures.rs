@@ -1,15 +1,15 @@
 //! Between pictures and the images of convolutions, for methods whose networks halve three times.
 
-use image::imageops::{FilterType, resize};
+use image::imageops::{FilterType, crop_imm, resize};
 use image::{Rgb, RgbImage};
 use impasto_kernels::FeatureMap;
 
 /// Sides that every encoder halves without a rest.
 const MULTIPLE: u32 = 8;
-/// Shorter side that paintings are looked at with.
+/// Shorter side at which paintings are encoded.
 const PAINTING_SIDE: u32 = 256;
 
-/// A painting at the size it is looked at.
+/// A painting at the size at which it is encoded.
 pub(super) fn reduced(painting: &RgbImage) -> RgbImage {
     let (width, height) = painting.dimensions();
     let scale = f64::from(PAINTING_SIDE) / f64::from(width.min(height).max(1));
@@ -17,13 +17,15 @@ pub(super) fn reduced(painting: &RgbImage) -> RgbImage {
     resize(painting, side(width), side(height), FilterType::Triangle)
 }
 
-/// A picture whose sides are multiples of eight, its last row and column repeated.
-pub(super) fn enlarged(picture: &RgbImage) -> RgbImage {
+/// What `repaint` makes of a picture, cut to its size. It is given the picture with sides that are
+/// multiples of eight, the last row and column repeated.
+pub(super) fn padded(picture: &RgbImage, repaint: impl Fn(RgbImage) -> RgbImage) -> RgbImage {
     let (width, height) = picture.dimensions();
     let side = |length: u32| length.next_multiple_of(MULTIPLE).max(2 * MULTIPLE);
-    RgbImage::from_fn(side(width), side(height), |x, y| {
+    let large = RgbImage::from_fn(side(width), side(height), |x, y| {
         *picture.get_pixel(x.min(width - 1), y.min(height - 1))
-    })
+    });
+    crop_imm(&repaint(large), 0, 0, width, height).to_image()
 }
 
 /// A picture's numbers in `[0, 1]` as an image of three channels.

@@ -1,10 +1,9 @@
 //! Whitening and colouring at four levels (Li et al. 2017), through small distilled encoders and
 //! decoders (Wang et al. 2020).
 
-use super::pictures::{enlarged, map_of, picture_of, reduced};
-use super::{Stylizer, bytes_of};
+use super::pictures::{map_of, padded, picture_of, reduced};
+use super::{Stylizer, Transfer, bytes_of};
 use image::RgbImage;
-use image::imageops::crop_imm;
 use impasto_kernels::{ConvChain, ConvLayer, FeatureMap, Resample};
 use impasto_style::{StyleError, TensorFile};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
@@ -75,9 +74,13 @@ fn convolutions(level: usize) -> Vec<(&'static str, usize)> {
     all
 }
 
-/// Whether resolution changes between a convolution and the one before it, counted inwards.
-fn first_of_its_size(name: &str) -> bool {
-    matches!(name, "conv21" | "conv31" | "conv41")
+/// How resolution changes between a convolution and the one before it, counted inwards: by
+/// `change`, if it does.
+fn resample(name: &str, change: Resample) -> Resample {
+    match name {
+        "conv21" | "conv31" | "conv41" => change,
+        _ => Resample::Keep,
+    }
 }
 
 fn read_level(file: &TensorFile<'_>, level: usize) -> Result<Level, StyleError> {
@@ -99,23 +102,17 @@ fn read_level(file: &TensorFile<'_>, level: usize) -> Result<Level, StyleError> 
             let shift = file.floats_of(&format!("enc{level}.conv0.bias"), 3)?;
             fold(&mut weight, &mut bias, &first, &shift);
         }
-        let resample = match first_of_its_size(name) {
-            true => Resample::Halve,
-            false => Resample::Keep,
-        };
+        let resample = resample(name, Resample::Halve);
         encoder.push((resample, ConvLayer::new(&weight, bias, false, false)));
         // Back from these channels to those that the encoder had before.
         let (weight, bias) = tensors("dec", name, inputs, *outputs)?;
         decoder.push((name, ConvLayer::new(&weight, bias, false, false)));
         inputs = *outputs;
     }
-    let mut after = None;
+    let mut after = None::<&str>;
     let outwards = decoder.into_iter().rev().map(|(name, layer)| {
-        let resample = match after.replace(*name).is_some_and(first_of_its_size) {
-            true => Resample::Double,
-            false => Resample::Keep,
-        };
-        (resample, layer)
+        let after = after.replace(*name).unwrap_or_default();
+        (resample(after, Resample::Double), layer)
     });
     Ok(Level {
         decoder: ConvChain::new(outwards.collect()),
@@ -142,7 +139,7 @@ impl Stylizer for Wct {
         "wct"
     }
 
-    fn brush<'a>(&'a self, painting: &RgbImage) -> Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a> {
+    fn transfer<'a>(&'a self, painting: &RgbImage) -> Transfer<'a> {
         let small = map_of(&reduced(painting));
         let colours = self.levels.iter().map(|level| {
             let features = level.encoder.forward(&small);
@@ -150,13 +147,13 @@ impl Stylizer for Wct {
         });
         let colours: Vec<(&Level, Moments)> = colours.collect();
         Box::new(move |picture| {
-            let mut current = enlarged(picture);
-            for (level, painting) in &colours {
-                let mut features = level.encoder.forward(&map_of(&current));
-                recolour(&mut features, painting);
-                current = picture_of(&level.decoder.forward(&features));
-            }
-            crop_imm(&current, 0, 0, picture.width(), picture.height()).to_image()
+            padded(picture, |large| {
+                colours.iter().fold(large, |current, (level, painting)| {
+                    let mut features = level.encoder.forward(&map_of(&current));
+                    recolour(&mut features, painting);
+                    picture_of(&level.decoder.forward(&features))
+                })
+            })
         })
     }
 }
@@ -178,19 +175,16 @@ impl Moments {
                 *sum += f64::from(*x) / count;
             }
         }
-        let centred = DMatrix::from_iterator(
-            channels,
-            features.data.len() / channels,
-            features.data.iter().map(|x| f64::from(*x)),
-        );
-        let centred = DMatrix::from_fn(channels, centred.ncols(), |c, i| centred[(c, i)] - mean[c]);
+        let centred = DMatrix::from_fn(channels, features.data.len() / channels, |c, i| {
+            f64::from(features.data[i * channels + c]) - mean[c]
+        });
         let covariance: DMatrix<f64> = &centred * centred.transpose() / (count - 1.0).max(1.0);
         let eigen: SymmetricEigen<f64, Dyn> = SymmetricEigen::new(covariance);
         let power = |exponent: f64| {
-            let scales = eigen.eigenvalues.map(|v| match v > LEAST_VARIANCE {
-                true => v.powf(exponent),
-                false => 0.0,
-            });
+            let kept = |v: f64| Some(v).filter(|v| *v > LEAST_VARIANCE);
+            let scales = eigen
+                .eigenvalues
+                .map(|v| kept(v).map_or(0.0, |v| v.powf(exponent)));
             &eigen.eigenvectors * DMatrix::from_diagonal(&scales) * eigen.eigenvectors.transpose()
         };
         Self {
@@ -324,7 +318,7 @@ mod tests {
         let painting = RgbImage::from_fn(300, 280, |x, y| {
             Rgb([30, 40, (160.0 + 60.0 * wave(y, x)) as u8])
         });
-        let painted = wct.brush(&painting)(&picture);
+        let painted = wct.transfer(&painting)(&picture);
         assert_eq!(painted.dimensions(), picture.dimensions());
         let blueness = |image: &RgbImage| {
             let sum = image

@@ -1,10 +1,9 @@
 //! Results row by row.
 
-use super::ordered;
-use crate::consistency::Consistency;
-use crate::evaluate::{Evaluation, MethodResult};
-use crate::fidelity::PaintingResult;
-use crate::page::escaped;
+use super::rows::ordered;
+use crate::consistency::{ByRange, Consistency};
+use crate::html::escaped;
+use crate::results::Evaluation;
 
 /// Columns and what they hold.
 const COLUMNS: [(&str, &str); 14] = [
@@ -43,47 +42,29 @@ const COLUMNS: [(&str, &str); 14] = [
 pub(super) fn table(evaluation: &Evaluation) -> String {
     let mut text = COLUMNS.map(|(name, _)| name).join(",") + "\r\n";
     for (name, method) in ordered(evaluation) {
-        for painting in &method.fidelity.paintings {
-            text += &row(["painting", name, &painting.name], painting);
+        for p in &method.fidelity.paintings {
+            let fidelity = [p.style_loss, p.style_gain, p.retrieved, p.content_loss];
+            let names = ["painting", name, &p.name];
+            text += &row(names, fidelity, p.consistency.as_ref(), p.sharpness);
         }
-        text += &row(["mean", name, ""], &mean(method));
+        let f = &method.fidelity;
+        let fidelity = [f.style_loss, f.style_gain, f.retrieval, f.content_loss];
+        let consistency = method.consistency.as_ref();
+        text += &row(["mean", name, ""], fidelity, consistency, method.sharpness);
     }
     text
 }
 
-/// A method's means in a painting's place.
-fn mean(method: &MethodResult) -> PaintingResult {
-    let fidelity = &method.fidelity;
-    PaintingResult {
-        name: String::new(),
-        style_loss: fidelity.style_loss,
-        style_gain: fidelity.style_gain,
-        retrieved: fidelity.retrieval,
-        taken_for: None,
-        content_loss: fidelity.content_loss,
-        short: method.short,
-        long: method.long,
-        sharpness: method.sharpness,
-    }
-}
-
-fn row(names: [&str; 3], result: &PaintingResult) -> String {
-    let of = |range: Option<Consistency>| {
-        let numbers = range.map(|c| [c.e100, c.rmse, c.coverage]);
-        numbers.map_or([None; 3], |numbers| numbers.map(Some))
-    };
-    let fidelity = [
-        result.style_loss,
-        result.style_gain,
-        result.retrieved,
-        result.content_loss,
-    ];
-    let numbers = fidelity.map(Some).into_iter();
-    let numbers = numbers
-        .chain(of(result.short))
-        .chain(of(result.long))
-        .chain([result.sharpness]);
-    let numbers = numbers.map(|number| {
+fn row(
+    names: [&str; 3],
+    fidelity: [f64; 4],
+    consistency: Option<&ByRange<Consistency>>,
+    sharpness: Option<f64>,
+) -> String {
+    let of = |c: &Consistency| [c.e100, c.rmse, c.coverage];
+    let ranges = consistency.map_or([[f64::NAN; 3]; 2], |c| c.each_ref().map(of));
+    let numbers = fidelity.into_iter().chain(ranges.into_iter().flatten());
+    let numbers = numbers.map(Some).chain([sharpness]).map(|number| {
         let number = number.filter(|n| n.is_finite());
         number.map_or_else(String::new, |number| number.to_string())
     });
@@ -93,9 +74,10 @@ fn row(names: [&str; 3], result: &PaintingResult) -> String {
 
 /// Text as a field, quoted where it must be.
 fn field(text: &str) -> String {
-    match text.contains(['"', ',', '\r', '\n']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
+    if text.contains(['"', ',', '\r', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Squared differences as colours.
 
-use crate::gallery::WorstPair;
+use crate::record::WorstPair;
 use image::{Rgb, RgbImage};
 
 /// Colours from no difference to [`HOTTEST`], equally far apart on the scale.

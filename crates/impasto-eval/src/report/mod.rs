@@ -4,15 +4,17 @@
 mod csv;
 mod heat;
 mod pictures;
+mod rows;
 mod tables;
 mod viewer;
 mod words;
 
-use crate::evaluate::{Evaluation, MethodResult, OURS, PHOTO, REFINED};
-use crate::guards::Guard;
-use crate::page::escaped;
+use crate::html::escaped;
+use crate::names::{OURS, PHOTO};
+use crate::results::Evaluation;
 use image::ImageError;
 use impasto_train::Quality;
+use rows::range_of;
 use serde::Serialize;
 use std::path::PathBuf;
 use words::{e100, number, share};
@@ -26,9 +28,9 @@ pub struct Settings {
     pub styles: PathBuf,
     /// Paintings in it.
     pub paintings: usize,
-    /// Frames of the walk.
+    /// Frames of the path.
     pub frames: usize,
-    /// Width and height of the walk's frames in pixels; `None` without a walk.
+    /// Width and height of its frames in pixels; `None` without a path.
     pub frame_size: Option<[u32; 2]>,
     /// Rays along each side of a rendered pixel.
     pub supersampling: u32,
@@ -38,7 +40,7 @@ pub struct Settings {
 
 /// Everything that a report says. As JSON, the methods' results are keys of the object itself.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report<'a> {
+pub struct EvalReport<'a> {
     /// The results.
     #[serde(flatten)]
     pub evaluation: &'a Evaluation,
@@ -70,7 +72,7 @@ const PAGE_BYTES: usize = 15_000_000;
 const STYLE: &str = include_str!("style.css");
 const GLOSSARY: &str = include_str!("glossary.html");
 
-impl Report<'_> {
+impl EvalReport<'_> {
     /// One row for each method and painting and one for each method's mean, after a row of names;
     /// RFC 4180. The columns are explained in the page.
     pub fn csv(&self) -> String {
@@ -81,24 +83,21 @@ impl Report<'_> {
     /// nothing outside of itself.
     ///
     /// # Errors
-    /// If a picture of the gallery has no pixels.
+    /// If a recorded picture has no pixels.
     pub fn html(&self) -> Result<String, ImageError> {
         let mut body = self.head() + &tables::all(self.evaluation);
-        let mut films = String::new();
-        if let Some(gallery) = &self.evaluation.gallery {
+        let mut script = String::new();
+        if let Some(record) = &self.evaluation.record {
             let names = self.names();
-            let sheets = pictures::sheets(self.evaluation, gallery)?;
-            let worst = pictures::worst_pairs(self.evaluation, &names, gallery)?;
+            let sheets = pictures::sheets(self.evaluation, record)?;
+            let worst = pictures::worst_pairs(self.evaluation, &names, record)?;
             let used = body.len() + sheets.len() + worst.len() + GLOSSARY.len();
-            films = viewer::viewer(&names, gallery, PAGE_BYTES.saturating_sub(used))?;
-            body += &films;
-            body += &sheets;
-            body += &worst;
+            let films = viewer::viewer(&names, record, PAGE_BYTES.saturating_sub(used))?;
+            if !films.is_empty() {
+                script = format!("<script>\n{}</script>\n", viewer::SCRIPT);
+            }
+            body += &(films + &sheets + &worst);
         }
-        let script = match films.is_empty() {
-            true => String::new(),
-            false => format!("<script>\n{}</script>\n", viewer::SCRIPT),
-        };
         // The policy makes browsers refuse what would reach out of the page.
         Ok(format!(
             "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -122,11 +121,10 @@ impl Report<'_> {
 
     fn head(&self) -> String {
         let Quality { psnr, ssim, views } = self.reconstruction;
-        let synthetic = match self.synthetic {
-            true => {
-                "<p class=\"note\">The scene is synthetic: its photos were made by a program.</p>\n"
-            }
-            false => "",
+        let synthetic = if self.synthetic {
+            "<p class=\"note\">The scene is synthetic: its photos were made by a program.</p>\n"
+        } else {
+            ""
         };
         let mut figures = vec![
             (
@@ -209,44 +207,6 @@ impl Report<'_> {
         });
         format!("<dl class=\"facts\">\n{}</dl>\n", rows.collect::<String>())
     }
-}
-
-/// A method's name and results.
-type Row<'a> = (&'a str, &'a MethodResult);
-
-/// All methods: the floor, the model's own, then the others by name.
-fn ordered(evaluation: &Evaluation) -> Vec<Row<'_>> {
-    let methods = evaluation.methods.iter();
-    let mut rows: Vec<Row<'_>> = methods.map(|(name, m)| (name.as_str(), m)).collect();
-    // The sort keeps the order of equals.
-    rows.sort_by_key(|(name, _)| match *name {
-        PHOTO => 0,
-        OURS => 1,
-        REFINED => 2,
-        _ => 3,
-    });
-    rows
-}
-
-/// Short range is 0, long range 1; `None` if there was no walk or no pair counts.
-fn range_of(result: &MethodResult, range: usize) -> Option<&crate::consistency::Consistency> {
-    let found = [&result.short, &result.long].into_iter().nth(range)?;
-    found.as_ref().filter(|found| found.pairs > 0)
-}
-
-/// Whether a method looks at pictures alone: all but the floor, the model's own looks, and fields
-/// that were reconstructed from stylised pictures.
-fn two_dimensional(name: &str) -> bool {
-    ![PHOTO, OURS, REFINED].contains(&name) && !name.ends_with(crate::reconstruct::RECONSTRUCTED)
-}
-
-/// The least E of the methods that pass the guards and that `eligible` names.
-fn least<'a>(rows: &[Row<'a>], range: usize, eligible: fn(&str) -> bool) -> Option<(&'a str, f64)> {
-    let passing = rows
-        .iter()
-        .filter(|(name, result)| eligible(name) && Guard::failed(name, result).is_empty());
-    let found = passing.filter_map(|(name, result)| Some((*name, range_of(result, range)?.e100)));
-    found.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 #[cfg(test)]

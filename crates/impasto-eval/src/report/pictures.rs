@@ -1,12 +1,14 @@
 //! Pictures side by side, and the pairs of frames that agree least.
 
-use super::words::{full_title, number, share, title};
-use super::{heat, ordered};
+use super::heat;
+use super::rows::ordered;
+use super::words::{full_title, number, portion, share, title};
 use crate::consistency::RANGES;
-use crate::evaluate::{Evaluation, PHOTO};
 use crate::fidelity::PaintingResult;
-use crate::gallery::{Exhibit, Gallery, WorstPair};
-use crate::page::{data_url, escaped};
+use crate::html::{data_url, escaped};
+use crate::names::PHOTO;
+use crate::record::{ImageRecord, SampleImages, WorstPair};
+use crate::results::Evaluation;
 use image::{ImageError, RgbImage};
 
 /// JPEG quality of contact sheets, and of pairs, in which fine detail matters.
@@ -23,12 +25,12 @@ fn image(picture: &RgbImage, what: &str, quality: u8) -> Result<String, ImageErr
     ))
 }
 
-/// Of every painting: itself, then one view and one frame of the walk by every method.
-pub(super) fn sheets(evaluation: &Evaluation, gallery: &Gallery) -> Result<String, ImageError> {
+/// Of every painting: itself, then one view and one frame of the path by every method.
+pub(super) fn sheets(evaluation: &Evaluation, record: &ImageRecord) -> Result<String, ImageError> {
     let rows = ordered(evaluation);
     let all = rows.first().map_or(0, |(_, m)| m.fidelity.paintings.len());
     let mut body = String::new();
-    for (i, painting) in gallery.paintings.iter().enumerate() {
+    for (i, painting) in record.paintings.iter().enumerate() {
         let mut figures = format!(
             "<figure class=\"painting\">{}<figcaption><b>Painting</b></figcaption></figure>\n",
             image(painting, "the painting", SHEET_QUALITY)?
@@ -39,8 +41,8 @@ pub(super) fn sheets(evaluation: &Evaluation, gallery: &Gallery) -> Result<Strin
                 continue;
             };
             name = &found.name;
-            if let Some(exhibit) = gallery.of(method, i) {
-                figures += &figure(method, exhibit, found)?;
+            if let Some(sample) = record.of(method, i) {
+                figures += &figure(method, sample, found)?;
             }
         }
         body += &format!(
@@ -48,25 +50,25 @@ pub(super) fn sheets(evaluation: &Evaluation, gallery: &Gallery) -> Result<Strin
             escaped(name)
         );
     }
-    let shown = gallery.paintings.len();
-    let shown = match shown < all {
-        true => format!("The first {shown} of {all} paintings"),
-        false => format!("All {all} paintings"),
-    };
+    let shown = portion(record.paintings.len(), all, "paintings");
     let walk = match evaluation.frames {
         0 => String::new(),
-        _ => format!(", and below it frame {} of the walk", gallery.frame + 1),
+        _ => format!(", and below it frame {} of the walk", record.frame + 1),
     };
     Ok(format!(
         "<section>\n<h2>Contact sheets</h2>\n<p>{shown}. Above, view {} of those held out{walk}.</p>\n\
          {body}</section>\n",
-        gallery.view + 1
+        record.view + 1
     ))
 }
 
-fn figure(method: &str, exhibit: &Exhibit, found: &PaintingResult) -> Result<String, ImageError> {
-    let mut pictures = image(&exhibit.view, &full_title(method), SHEET_QUALITY)?;
-    if let Some(frame) = &exhibit.frame {
+fn figure(
+    method: &str,
+    sample: &SampleImages,
+    found: &PaintingResult,
+) -> Result<String, ImageError> {
+    let mut pictures = image(&sample.view, &full_title(method), SHEET_QUALITY)?;
+    if let Some(frame) = &sample.frame {
         let what = format!("{}, in the walk", full_title(method));
         pictures += &image(frame, &what, SHEET_QUALITY)?;
     }
@@ -82,8 +84,8 @@ fn figure(method: &str, exhibit: &Exhibit, found: &PaintingResult) -> Result<Str
             ));
         }
     }
-    if let (Some(short), Some(long)) = (found.short, found.long) {
-        let [short, long] = [short, long].map(|c| number(c.e100, 2));
+    if let Some(consistency) = &found.consistency {
+        let [short, long] = consistency.each_ref().map(|c| number(c.e100, 2));
         facts.push(format!("E×100 {short} short, {long} long"));
     }
     Ok(format!(
@@ -97,13 +99,13 @@ fn figure(method: &str, exhibit: &Exhibit, found: &PaintingResult) -> Result<Str
 pub(super) fn worst_pairs(
     evaluation: &Evaluation,
     names: &[&str],
-    gallery: &Gallery,
+    record: &ImageRecord,
 ) -> Result<String, ImageError> {
     let mut body = String::new();
     for (range, title) in ["Short range", "Long range"].into_iter().enumerate() {
         let mut pairs = String::new();
         for (method, _) in ordered(evaluation) {
-            let worst = gallery.worst.get(method);
+            let worst = record.worst.get(method);
             if let Some(pair) = worst.and_then(|worst| worst[range].as_ref()) {
                 pairs += &worst_pair(method, names, pair)?;
             }

@@ -2,10 +2,11 @@
 
 use super::*;
 use crate::consistency::{ByRange, Consistency};
-use crate::evaluate::{Legacy, TrueDepth};
 use crate::fidelity::{PaintingResult, StyleFidelity};
-use crate::gallery::{Exhibit, Gallery, GalleryPlan, WorstPair};
+use crate::guards::FailedGuard;
 use crate::methods::UNAVAILABLE;
+use crate::record::{ImageRecord, RecordPlan, SampleImages, WorstPair};
+use crate::results::{MethodResult, TrueDepth};
 use image::{Rgb, RgbImage};
 use std::collections::BTreeMap;
 
@@ -35,51 +36,45 @@ fn method(e100: f64, style_gain: f64, sharpness: f64) -> MethodResult {
         retrieved: 1.0,
         taken_for: None,
         content_loss: 4.0,
-        short: Some(consistency(e100 + more, 9)),
-        long: Some(long),
+        consistency: Some([consistency(e100 + more, 9), long].into()),
         sharpness: Some(sharpness),
     };
     MethodResult {
         fidelity: StyleFidelity::of(vec![painting(NAMES[0], 0.0), painting(NAMES[1], 0.0)], 3),
-        short: Some(consistency(e100, 9)),
-        long: Some(long),
+        consistency: Some([consistency(e100, 9), long].into()),
         over_photo: Some(ByRange {
             short: 10.0 * e100,
             long: f64::NAN,
         }),
         true_depth: Some(TrueDepth {
-            short: consistency(e100 + 0.5, 9),
-            long,
+            consistency: [consistency(e100 + 0.5, 9), long].into(),
             difference: ByRange {
                 short: 0.5,
                 long: f64::NAN,
             },
         }),
-        estimated_flow: Some(Legacy {
-            short: consistency(7.5, 9),
-            long,
-        }),
+        estimated_flow: Some([consistency(7.5, 9), long].into()),
         sharpness: Some(sharpness),
     }
 }
 
-/// A gallery of all methods with a film of eight frames.
-fn gallery(methods: &BTreeMap<String, MethodResult>) -> Gallery {
+/// A record of all methods with a film of eight frames.
+fn record(methods: &BTreeMap<String, MethodResult>) -> ImageRecord {
     let noise = |seed: u32| {
         let shade = move |x: u32, y: u32| ((x * 31 + y * 17 + seed * 101) * 97 % 251) as u8;
         RgbImage::from_fn(24, 16, |x, y| Rgb([shade(x, y), shade(y, x), seed as u8]))
     };
     let paintings = NAMES.map(|name| (name.to_owned(), noise(3)));
-    let mut gallery = Gallery::new(GalleryPlan::default(), &paintings);
+    let mut record = ImageRecord::new(RecordPlan::default(), &paintings);
     for (i, name) in methods.keys().enumerate() {
-        let exhibit = Exhibit {
+        let sample = SampleImages {
             view: noise(i as u32),
             frame: Some(noise(50 + i as u32)),
             film: (0..8).map(noise).collect(),
         };
         let copies = if name == PHOTO { 1 } else { NAMES.len() };
-        let exhibits = vec![exhibit; copies];
-        gallery.exhibits.insert(name.clone(), exhibits);
+        let samples = vec![sample; copies];
+        record.samples.insert(name.clone(), samples);
         let pair = WorstPair {
             painting: (name != PHOTO).then_some(1),
             frames: [6, 5],
@@ -89,9 +84,9 @@ fn gallery(methods: &BTreeMap<String, MethodResult>) -> Gallery {
             warped: noise(2),
             squares: (0..24 * 16).map(|i| (i % 2 == 0).then_some(0.02)).collect(),
         };
-        gallery.worst.insert(name.clone(), [Some(pair), None]);
+        record.worst.insert(name.clone(), [Some(pair), None]);
     }
-    gallery
+    record
 }
 
 /// An evaluation in which a method of blurred frames has the least E.
@@ -112,13 +107,13 @@ fn evaluation(pictures: bool) -> Evaluation {
         depth_error: Some(0.0123),
         reconstructed: None,
         frames: 10,
-        gallery: pictures.then(|| gallery(&methods)),
+        record: pictures.then(|| record(&methods)),
         methods,
     }
 }
 
-fn report(evaluation: &Evaluation) -> Report<'_> {
-    Report {
+fn report(evaluation: &Evaluation) -> EvalReport<'_> {
+    EvalReport {
         evaluation,
         reconstruction: Quality {
             psnr: 27.625,
@@ -249,7 +244,9 @@ fn agreement_by_blur_is_no_win() {
         "the least of those that pass"
     );
     let pale = method(0.3, 0.01, f64::NAN);
-    let [Guard::Blurred(_), Guard::HardlyStylised(gain)] = Guard::failed("x", &pale)[..] else {
+    let [FailedGuard::Blurred(_), FailedGuard::HardlyStylised(gain)] =
+        FailedGuard::of("x", &pale)[..]
+    else {
         panic!("no number is no detail");
     };
     assert!((gain - 0.01).abs() < 1e-9);
@@ -303,8 +300,8 @@ fn the_csv_has_a_row_for_every_method_and_painting() {
 #[test]
 fn as_many_frames_are_shown_as_fit() {
     let evaluation = evaluation(true);
-    let gallery = evaluation.gallery.as_ref().unwrap();
-    let films = |budget| viewer::viewer(&NAMES, gallery, budget).unwrap();
+    let record = evaluation.record.as_ref().unwrap();
+    let films = |budget| viewer::viewer(&NAMES, record, budget).unwrap();
     let frames = |page: &str| page.matches("data:image").count();
     // Four methods with both paintings, and the photo once.
     let all = films(PAGE_BYTES);
@@ -348,7 +345,7 @@ fn the_json_has_the_methods_and_the_run() {
     ] {
         assert!(!json[key].is_null(), "{key}");
     }
-    assert!(json.get("gallery").is_none());
+    assert!(json.get("record").is_none());
 }
 
 #[test]

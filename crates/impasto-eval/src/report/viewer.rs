@@ -1,9 +1,9 @@
-//! Two methods' walks side by side, to see them flicker.
+//! Two methods' frames side by side, which shows how they flicker.
 
-use super::words::full_title;
-use crate::evaluate::{OURS, PHOTO, REFINED};
-use crate::gallery::Gallery;
-use crate::page::{data_url, escaped};
+use super::words::{full_title, portion};
+use crate::html::{data_url, escaped};
+use crate::names::{OURS, PHOTO, REFINED};
+use crate::record::ImageRecord;
 use image::{ImageError, RgbImage};
 use serde::Serialize;
 
@@ -23,24 +23,23 @@ struct Films {
     films: Vec<Vec<String>>,
 }
 
-/// The viewer with as many paintings' walks as fit into so many bytes, and as many frames as fit
-/// of the first; nothing if no walk was kept.
+/// The viewer with as many paintings' frames as fit into so many bytes, and as many frames as fit
+/// of the first; nothing if none were kept.
 pub(super) fn viewer(
     names: &[&str],
-    gallery: &Gallery,
+    record: &ImageRecord,
     budget: usize,
 ) -> Result<String, ImageError> {
-    let mut methods: Vec<(&str, Films)> = Vec::new();
-    for name in gallery.exhibits.keys() {
-        let title = full_title(name);
-        let films = Vec::new();
-        methods.push((name, Films { title, films }));
-    }
-    let walk = gallery.exhibits.values().flatten().map(|e| e.film.len());
-    let all = walk.max().unwrap_or(0);
+    let methods = record.samples.keys().map(|name| {
+        let (title, films) = (full_title(name), Vec::new());
+        (name.as_str(), Films { title, films })
+    });
+    let mut methods: Vec<(&str, Films)> = methods.collect();
+    let lengths = record.samples.values().flatten().map(|s| s.film.len());
+    let all = lengths.max().unwrap_or(0);
     let (mut used, mut paintings, mut frames) = (0, 0, all);
-    while paintings < gallery.paintings.len() && all > 0 {
-        let Some(encoded) = encoded(gallery, &methods, paintings)? else {
+    while paintings < record.paintings.len() && all > 0 {
+        let Some(encoded) = encoded(record, &methods, paintings)? else {
             break;
         };
         let films = encoded.iter().flatten();
@@ -63,7 +62,11 @@ pub(super) fn viewer(
     if paintings == 0 {
         return Ok(String::new());
     }
-    Ok(page(names, gallery, &methods, (paintings, frames, all)))
+    let shown = portion(frames, all, "frames");
+    let names = &names[..paintings.min(names.len())];
+    let plural = if paintings == 1 { "" } else { "s" };
+    let shown = format!("{shown} with the first {paintings} painting{plural}");
+    Ok(page(names, record, &methods, frames, &shown))
 }
 
 /// Every method's frames of a painting; `None` for a method whose frames do not change with it, and
@@ -71,13 +74,13 @@ pub(super) fn viewer(
 type Encoded = Vec<Option<Vec<String>>>;
 
 fn encoded(
-    gallery: &Gallery,
+    record: &ImageRecord,
     methods: &[(&str, Films)],
     painting: usize,
 ) -> Result<Option<Encoded>, ImageError> {
     let film = |(name, _): &(&str, Films)| {
-        let exhibit = gallery.exhibits.get(*name)?.get(painting)?;
-        Some(exhibit.film.as_slice()).filter(|film| !film.is_empty())
+        let sample = record.samples.get(*name)?.get(painting)?;
+        Some(sample.film.as_slice()).filter(|film| !film.is_empty())
     };
     let films: Vec<Option<&[RgbImage]>> = methods.iter().map(film).collect();
     if films.iter().all(Option::is_none) {
@@ -90,11 +93,13 @@ fn encoded(
     films.collect::<Result<_, _>>().map(Some)
 }
 
+/// The viewer's section; `shown` says which frames and paintings.
 fn page(
     names: &[&str],
-    gallery: &Gallery,
+    record: &ImageRecord,
     methods: &[(&str, Films)],
-    (paintings, frames, all): (usize, usize, usize),
+    frames: usize,
+    shown: &str,
 ) -> String {
     let options = |titles: &[&str], chosen: usize| {
         let option = |(i, title): (usize, &&str)| {
@@ -113,29 +118,19 @@ fn page(
     // Against a compared method if there is one, else against the unstylised frames.
     let photo = methods.iter().position(|(name, _)| *name == PHOTO);
     let [left, right] = [ours, other.or(photo)].map(Option::unwrap_or_default);
-    let names = &names[..paintings.min(names.len())];
-    let film = gallery
-        .exhibits
+    let frame = record
+        .samples
         .values()
         .flatten()
-        .find_map(|e| e.film.first());
-    let (width, height) = film.map_or((1, 1), RgbImage::dimensions);
-    let shown = match frames < all {
-        true => format!("The first {frames} of {all} frames"),
-        false => format!("All {all} frames"),
-    };
-    let plural = if paintings == 1 {
-        "painting"
-    } else {
-        "paintings"
-    };
+        .find_map(|s| s.film.first());
+    let (width, height) = frame.map_or((1, 1), RgbImage::dimensions);
     let films: Vec<&Films> = methods.iter().map(|(_, films)| films).collect();
     // Numbers and text under text keys: this cannot fail. No tag can begin inside.
     let films = serde_json::to_string(&films).unwrap_or_default();
     let films = films.replace('<', "\\u003c");
     format!(
         "<section id=\"viewer\">\n<h2>The walk</h2>\n\
-         <p>{shown} with the first {paintings} {plural}, {width}×{height} pixels, JPEG quality \
+         <p>{shown}, {width}×{height} pixels, JPEG quality \
          {QUALITY}.</p>\n<noscript><p class=\"note\">Playing needs scripts; this page brings its \
          own.</p></noscript>\n\
          <div class=\"stage\">\n{}{}</div>\n\
@@ -144,14 +139,14 @@ fn page(
          <output id=\"place\">1 / {frames}</output>\n\
          <label>Painting <select id=\"painting\">{}</select></label>\n</div>\n\
          <script type=\"application/json\" id=\"films\">{films}</script>\n</section>\n",
-        screen("left", &options(&titles, left), (width, height)),
-        screen("right", &options(&titles, right), (width, height)),
+        screen("left", &options(&titles, left), width, height),
+        screen("right", &options(&titles, right), width, height),
         frames.saturating_sub(1),
         options(names, 0),
     )
 }
 
-fn screen(side: &str, options: &str, (width, height): (u32, u32)) -> String {
+fn screen(side: &str, options: &str, width: u32, height: u32) -> String {
     format!(
         "<figure><select id=\"{side}\" aria-label=\"Method on the {side}\">{options}</select>\
          <canvas id=\"{side}-screen\" width=\"{width}\" height=\"{height}\" \

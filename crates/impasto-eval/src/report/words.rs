@@ -1,9 +1,7 @@
-//! Names and numbers as a reader sees them.
+//! Names and numbers as a report writes them.
 
 use crate::consistency::Consistency;
-use crate::evaluate::{OURS, PHOTO, REFINED};
-use crate::methods::TEMPORAL;
-use crate::reconstruct::RECONSTRUCTED;
+use crate::names::{OURS, PHOTO, RECONSTRUCTED, REFINED, TEMPORAL};
 
 /// Names as their papers write them.
 const WRITTEN: [(&str, &str); 9] = [
@@ -45,18 +43,28 @@ pub(super) fn full_title(method: &str) -> String {
 }
 
 /// A number with so many digits after the point; a dash where there is none.
-pub(super) fn number(value: f64, digits: usize) -> String {
-    match value.is_finite() {
-        true => format!("{value:.digits$}").replace('-', "−"),
-        false => "–".to_owned(),
+pub(super) fn number(value: impl Into<Option<f64>>, digits: usize) -> String {
+    match value.into() {
+        Some(value) if value.is_finite() => format!("{value:.digits$}").replace('-', "−"),
+        _ => "–".to_owned(),
     }
 }
 
-/// A share as per cent.
+/// A share as per cent; a dash where there is none.
 pub(super) fn share(value: f64) -> String {
-    match value.is_finite() {
-        true => format!("{:.0} %", 100.0 * value),
-        false => "–".to_owned(),
+    if value.is_finite() {
+        format!("{:.0} %", 100.0 * value)
+    } else {
+        "–".to_owned()
+    }
+}
+
+/// How many of all things are shown, the first ones.
+pub(super) fn portion(shown: usize, all: usize, things: &str) -> String {
+    if shown < all {
+        format!("The first {shown} of {all} {things}")
+    } else {
+        format!("All {all} {things}")
     }
 }
 

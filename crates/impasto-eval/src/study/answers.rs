@@ -1,6 +1,6 @@
 //! What a participant sends back.
 
-use super::key::{Key, SCHEMA, Side};
+use super::key::{Asked, SCHEMA, Side, StudyKey};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -12,12 +12,12 @@ pub(super) struct Answers {
     /// A random name.
     pub(super) participant: String,
     /// In the order in which the questions were asked.
-    answers: Vec<Answer>,
+    answers: Vec<PairAnswer>,
 }
 
 /// What was said of a pair.
 #[derive(Debug, Clone, Deserialize)]
-pub(super) struct Answer {
+pub(super) struct PairAnswer {
     question: String,
     /// Which matches the painting better.
     #[serde(rename = "match")]
@@ -57,7 +57,7 @@ impl Choice {
 
 impl Answers {
     /// Reads a file's JSON; the error is what is wrong with it.
-    pub(super) fn read(text: &str, key: &Key) -> Result<Self, String> {
+    pub(super) fn read(text: &str, key: &StudyKey) -> Result<Self, String> {
         let file: Self = serde_json::from_str(text)
             .map_err(|error| format!("is no file of answers ({error})"))?;
         if file.schema != SCHEMA {
@@ -83,8 +83,17 @@ impl Answers {
         }
     }
 
-    /// Answers by question.
-    pub(super) fn by_question(&self) -> BTreeMap<&str, &Answer> {
+    /// What was asked, in the key's order, and answered.
+    pub(super) fn asked<'a, 'k>(
+        &'a self,
+        key: &'k StudyKey,
+    ) -> impl Iterator<Item = (Asked<'k>, &'a PairAnswer)> {
+        let given = self.by_question();
+        let questions = key.questions.iter();
+        questions.filter_map(move |q| Some((q.asked()?, *given.get(q.id.as_str())?)))
+    }
+
+    fn by_question(&self) -> BTreeMap<&str, &PairAnswer> {
         let answers = self.answers.iter();
         answers.map(|a| (a.question.as_str(), a)).collect()
     }
@@ -96,7 +105,7 @@ impl Answers {
     }
 }
 
-impl Answer {
+impl PairAnswer {
     fn timed(&self) -> bool {
         [self.matches, self.flicker]
             .iter()

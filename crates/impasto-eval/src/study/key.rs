@@ -1,7 +1,7 @@
 //! Which clip is whose: what the page does not say.
 
 use super::StudyError;
-use crate::evaluate::{OURS, PHOTO};
+use crate::names::{OURS, PHOTO};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -50,7 +50,7 @@ pub enum Asked<'a> {
 
 /// The experimenter's half of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Key {
+pub struct StudyKey {
     /// [`SCHEMA`].
     pub schema: u32,
     /// Name of the study, made from its contents.
@@ -74,16 +74,11 @@ pub struct Key {
 impl Question {
     /// What it is for; `None` if it is neither a comparison with Impasto nor a catch trial.
     pub fn asked(&self) -> Option<Asked<'_>> {
+        let compared = |method, ours| Some(Asked::Compared { method, ours });
         match [self.a.as_str(), self.b.as_str()] {
             [OURS, OURS | PHOTO] | [PHOTO, OURS | PHOTO] => None,
-            [OURS, method] => Some(Asked::Compared {
-                method,
-                ours: Side::A,
-            }),
-            [method, OURS] => Some(Asked::Compared {
-                method,
-                ours: Side::B,
-            }),
+            [OURS, method] => compared(method, Side::A),
+            [method, OURS] => compared(method, Side::B),
             [PHOTO, _] => Some(Asked::Catch { photo: Side::A }),
             [_, PHOTO] => Some(Asked::Catch { photo: Side::B }),
             _ => None,
@@ -91,7 +86,7 @@ impl Question {
     }
 }
 
-impl Key {
+impl StudyKey {
     /// Reads a key's JSON.
     ///
     /// # Errors
@@ -103,20 +98,20 @@ impl Key {
         if key.schema != SCHEMA {
             return fault(format!("its schema is {}, not {SCHEMA}", key.schema));
         }
-        let mut seen = BTreeSet::new();
+        let mut ids = BTreeSet::new();
         for question in &key.questions {
             if question.asked().is_none() {
                 let Question { id, a, b, .. } = question;
                 return fault(format!("question {id} compares {a} with {b}"));
             }
-            if !seen.insert(&question.id) {
+            if !ids.insert(&question.id) {
                 return fault(format!("question {} is there twice", question.id));
             }
         }
-        match key.questions.is_empty() {
-            true => fault("it has no questions".into()),
-            false => Ok(key),
+        if key.questions.is_empty() {
+            return fault("it has no questions".into());
         }
+        Ok(key)
     }
 }
 
@@ -124,14 +119,14 @@ impl Key {
 pub(super) mod tests {
     use super::*;
 
-    pub(in crate::study) fn key(pairs: &[[&str; 2]]) -> Key {
+    pub(in crate::study) fn key(pairs: &[[&str; 2]]) -> StudyKey {
         let question = |(i, [a, b]): (usize, &[&str; 2])| Question {
             id: format!("q{i}"),
             painting: format!("painting {i}"),
             a: (*a).to_owned(),
             b: (*b).to_owned(),
         };
-        Key {
+        StudyKey {
             schema: SCHEMA,
             study: "5eed".into(),
             synthetic: true,
@@ -157,12 +152,12 @@ pub(super) mod tests {
         let caught = Some(Asked::Catch { photo: Side::B });
         assert_eq!(asked, [compared(Side::A), compared(Side::B), caught]);
         let text = serde_json::to_string(&key).unwrap();
-        assert_eq!(Key::read(&text).unwrap(), key);
+        assert_eq!(StudyKey::read(&text).unwrap(), key);
     }
 
     #[test]
     fn what_is_no_key_is_refused() {
-        let text = |key: &Key| serde_json::to_string(key).unwrap();
+        let text = |key: &StudyKey| serde_json::to_string(key).unwrap();
         let mut twice = key(&[["impasto", "wct"]; 2]);
         twice.questions[1].id = "q0".into();
         let mut newer = key(&[["impasto", "wct"]]);
@@ -179,7 +174,7 @@ pub(super) mod tests {
             (text(&twice), "q0 is there twice"),
             (text(&newer), "schema is 9"),
         ] {
-            let error = Key::read(&wrong).unwrap_err().to_string();
+            let error = StudyKey::read(&wrong).unwrap_err().to_string();
             assert!(error.contains(why), "{error} lacks {why}");
         }
     }

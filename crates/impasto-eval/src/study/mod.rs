@@ -1,9 +1,9 @@
-//! A study with people: two clips of the same walk in the style of the same painting, Impasto's and
+//! A study with people: two clips of the same path in the style of the same painting, Impasto's and
 //! a compared method's, and two questions: which matches the painting better, and which flickers
 //! less (PAPER §10).
 //!
-//! [`Plan`] decides which pairs are shown and makes a [`Study`]: one page that holds everything, and
-//! a [`Key`] that says which clip is whose. The page knows pairs by number and their clips as A and
+//! [`StudyPlan`] decides which pairs are shown and makes a [`Study`]: one page that holds everything, and
+//! a [`StudyKey`] that says which clip is whose. The page knows pairs by number and their clips as A and
 //! B, nothing else. Every participant sees all pairs, in an order of their own, and sends back the
 //! file of answers that the page makes. [`summarise`] reads those files with the key.
 //!
@@ -19,16 +19,17 @@
 
 mod answers;
 mod clips;
-mod html;
 mod key;
+mod page;
 mod plan;
 mod statistics;
 mod summary;
+mod trials;
 
-pub use key::{Asked, Key, Question, SCHEMA, Side};
-pub use plan::{Plan, StudyOptions};
+pub use key::{Asked, Question, SCHEMA, Side, StudyKey};
+pub use plan::{StudyOptions, StudyPlan};
 pub use statistics::{sign_test, wilson};
-pub use summary::{MeanShare, PerQuestion, SetAside, Share, StudySummary, summarise};
+pub use summary::{MeanPreference, PerQuestion, Preference, SetAside, StudySummary, summarise};
 
 use crate::EvalError;
 use impasto_scene::paths::PathError;
@@ -39,7 +40,7 @@ pub struct Study {
     /// For participants: HTML, complete in itself.
     pub page: String,
     /// For whoever asks.
-    pub key: Key,
+    pub key: StudyKey,
 }
 
 /// Why a study cannot be made or read.
@@ -54,7 +55,7 @@ pub enum StudyError {
     /// The model cannot be painted.
     #[error(transparent)]
     Eval(#[from] EvalError),
-    /// The walk cannot be fitted to the cameras.
+    /// The path cannot be fitted to the cameras.
     #[error("the camera path cannot be made: {0}")]
     Path(#[from] PathError),
     /// A frame cannot be encoded.

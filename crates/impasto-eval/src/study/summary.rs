@@ -2,7 +2,7 @@
 
 use super::StudyError;
 use super::answers::Answers;
-use super::key::{Asked, Key};
+use super::key::{Asked, StudyKey};
 use super::statistics::{bootstrap, sign_test, wilson};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ impl<T> PerQuestion<T> {
 
 /// How many prefer Impasto to a method. Shares are from 0 to 1; ½ is no preference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Share {
+pub struct Preference {
     /// Share of answers that prefer Impasto, those that cannot tell counted as half.
     pub share: f64,
     /// 95 % cluster bootstrap over participants: it respects that answers of one participant are
@@ -51,10 +51,10 @@ pub struct Share {
 
 /// Mean share over methods.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct MeanShare {
+pub struct MeanPreference {
     /// Every method counts alike.
     pub share: f64,
-    /// 95 % cluster bootstrap, see [`Share::over_participants`].
+    /// 95 % cluster bootstrap, see [`Preference::over_participants`].
     pub over_participants: Option<[f64; 2]>,
 }
 
@@ -81,9 +81,9 @@ pub struct StudySummary {
     /// Files that are malformed, of another study, or of a participant who answered already.
     pub set_aside: Vec<SetAside>,
     /// By compared method.
-    pub methods: BTreeMap<String, PerQuestion<Share>>,
+    pub methods: BTreeMap<String, PerQuestion<Preference>>,
     /// Over methods; none without participants.
-    pub mean: Option<PerQuestion<MeanShare>>,
+    pub mean: Option<PerQuestion<MeanPreference>>,
     /// Median time for a pair, both questions, in seconds; none without participants.
     pub seconds: Option<f64>,
 }
@@ -104,7 +104,7 @@ type Tallies<'a> = BTreeMap<&'a str, Vec<[Tally; 2]>>;
 ///
 /// # Errors
 /// If no file can be used.
-pub fn summarise(key: &Key, files: &[(String, String)]) -> Result<StudySummary, StudyError> {
+pub fn summarise(key: &StudyKey, files: &[(String, String)]) -> Result<StudySummary, StudyError> {
     let (usable, set_aside) = sorted(key, files);
     if usable.is_empty() {
         let first = set_aside.into_iter().next();
@@ -118,7 +118,7 @@ pub fn summarise(key: &Key, files: &[(String, String)]) -> Result<StudySummary, 
     let counted: Vec<&Answers> = usable.iter().filter(|a| !caught(key, a)).collect();
     let tallies = tallies(key, &counted);
     let methods = tallies.iter().map(|(method, all)| {
-        let of = |question| share(&all.iter().map(|t| t[question]).collect::<Vec<_>>());
+        let of = |question| preference(&all.iter().map(|t| t[question]).collect::<Vec<_>>());
         ((*method).to_owned(), PerQuestion::of(of))
     });
     Ok(StudySummary {
@@ -128,14 +128,15 @@ pub fn summarise(key: &Key, files: &[(String, String)]) -> Result<StudySummary, 
         left_out: usable.len() - counted.len(),
         set_aside,
         methods: methods.collect(),
-        mean: (!tallies.is_empty())
-            .then(|| PerQuestion::of(|question| mean_share(&tallies, question, counted.len()))),
+        mean: (!tallies.is_empty()).then(|| {
+            PerQuestion::of(|question| mean_preference(&tallies, question, counted.len()))
+        }),
         seconds: median(counted.iter().flat_map(|a| a.seconds()).collect()),
     })
 }
 
 /// Files that can be used, and the others.
-fn sorted(key: &Key, files: &[(String, String)]) -> (Vec<Answers>, Vec<SetAside>) {
+fn sorted(key: &StudyKey, files: &[(String, String)]) -> (Vec<Answers>, Vec<SetAside>) {
     let (mut usable, mut set_aside) = (Vec::new(), Vec::new());
     let mut first_of = BTreeMap::new();
     for (file, text) in files {
@@ -157,28 +158,19 @@ fn sorted(key: &Key, files: &[(String, String)]) -> (Vec<Answers>, Vec<SetAside>
 }
 
 /// Whether a participant fell for a catch trial.
-fn caught(key: &Key, answers: &Answers) -> bool {
-    let given = answers.by_question();
-    key.questions.iter().any(|question| {
-        let answer = given.get(question.id.as_str());
-        match (question.asked(), answer) {
-            (Some(Asked::Catch { photo }), Some(answer)) => {
-                answer.matches.choice.is(photo) == Some(true)
-            }
-            _ => false,
-        }
+fn caught(key: &StudyKey, answers: &Answers) -> bool {
+    answers.asked(key).any(|(asked, answer)| match asked {
+        Asked::Catch { photo } => answer.matches.choice.is(photo) == Some(true),
+        Asked::Compared { .. } => false,
     })
 }
 
 /// What participants, at least one, said of every method.
-fn tallies<'a>(key: &'a Key, participants: &[&Answers]) -> Tallies<'a> {
+fn tallies<'a>(key: &'a StudyKey, participants: &[&Answers]) -> Tallies<'a> {
     let mut tallies = Tallies::new();
     for (index, participant) in participants.iter().enumerate() {
-        let given = participant.by_question();
-        for question in &key.questions {
-            let answer = given.get(question.id.as_str());
-            let (Some(Asked::Compared { method, ours }), Some(answer)) = (question.asked(), answer)
-            else {
+        for (asked, answer) in participant.asked(key) {
+            let Asked::Compared { method, ours } = asked else {
                 continue;
             };
             let all = tallies.entry(method).or_default();
@@ -223,13 +215,13 @@ impl Tally {
 }
 
 /// Of one method and question, by participant.
-fn share(all: &[Tally]) -> Share {
+fn preference(all: &[Tally]) -> Preference {
     let total = Tally::sum(all.iter().copied());
     let leaning = |than: fn(&usize, &usize) -> bool| {
         let theirs = all.iter().filter(|t| than(&t.impasto, &t.other));
         theirs.count()
     };
-    Share {
+    Preference {
         share: total.share(),
         over_participants: bootstrap(all.len(), |drawn| {
             Tally::sum(drawn.iter().map(|i| all[*i])).share()
@@ -243,7 +235,7 @@ fn share(all: &[Tally]) -> Share {
     }
 }
 
-fn mean_share(tallies: &Tallies<'_>, question: usize, participants: usize) -> MeanShare {
+fn mean_preference(tallies: &Tallies<'_>, question: usize, participants: usize) -> MeanPreference {
     let mean = |drawn: &[usize]| {
         let shares = tallies
             .values()
@@ -251,7 +243,7 @@ fn mean_share(tallies: &Tallies<'_>, question: usize, participants: usize) -> Me
         shares.sum::<f64>() / tallies.len() as f64
     };
     let everyone: Vec<usize> = (0..participants).collect();
-    MeanShare {
+    MeanPreference {
         share: mean(&everyone),
         over_participants: bootstrap(participants, mean),
     }
@@ -273,7 +265,7 @@ mod tests {
     use serde_json::{Value, json};
 
     /// Impasto is A, then B, then A, against wct; then a catch trial whose render is B.
-    fn four() -> Key {
+    fn four() -> StudyKey {
         key(&[
             ["impasto", "wct"],
             ["wct", "impasto"],

@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 /// Channels of relu4_1.
-pub(super) const CHANNELS: usize = 512;
+pub(crate) const CHANNELS: usize = 512;
 
 /// Convolutions with what comes before each, and their channels.
 const LAYERS: [(&str, Resample, usize, usize); 8] = [
@@ -27,13 +27,13 @@ const LAST_SPREAD: f32 = 0.02;
 
 /// All numbers of the decoder: of each convolution its weight, then its bias.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Decoder {
-    pub(super) params: Vec<f32>,
+pub(crate) struct Decoder {
+    pub(crate) params: Vec<f32>,
 }
 
 impl Decoder {
     /// Untrained (He et al. 2015).
-    pub(super) fn random(rng: &mut Pcg64) -> Self {
+    pub(crate) fn random(rng: &mut Pcg64) -> Self {
         let mut params = Vec::new();
         for (_, _, inputs, outputs) in LAYERS {
             // Uniform numbers of variance 2 / inputs.
@@ -49,7 +49,7 @@ impl Decoder {
     }
 
     /// Reads a safetensors file; `name` is for messages.
-    pub(super) fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, StyleError> {
+    pub(crate) fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, StyleError> {
         let file = TensorFile::open(name, bytes)?;
         let mut params = Vec::new();
         for (layer, _, inputs, outputs) in LAYERS {
@@ -61,7 +61,7 @@ impl Decoder {
     }
 
     /// The file that [`Self::from_bytes`] reads, in half precision.
-    pub(super) fn to_bytes(&self) -> Result<Vec<u8>, StyleError> {
+    pub(crate) fn to_bytes(&self) -> Result<Vec<u8>, StyleError> {
         let names = LAYERS.map(|(layer, ..)| names(layer));
         let mut tensors = Vec::new();
         for ([weight, bias], (_, own_weight, own_bias)) in names.iter().zip(self.layers()) {
@@ -72,7 +72,7 @@ impl Decoder {
     }
 
     /// The network that these numbers make.
-    pub(super) fn chain(&self) -> ConvChain {
+    pub(crate) fn chain(&self) -> ConvChain {
         let layers = self.layers().map(|(resample, weight, bias)| {
             let layer = ConvLayer::new(weight, bias.to_vec(), false, false);
             (resample, layer)

@@ -1,12 +1,16 @@
 //! The page that participants open.
 
-use super::clips::{Clips, QUALITY, Shown};
-use super::key::{Key, Question, SCHEMA};
-use super::plan::Plan;
+use super::clips::{Clips, film};
+use super::key::{Question, SCHEMA, StudyKey};
+use super::plan::{QUALITY, StudyPlan};
+use super::trials::ClipKind;
 use super::{Study, StudyError};
-use crate::page::data_url;
+use crate::error::EvalError;
+use crate::html::data_url;
+use crate::resize::scaled;
 use image::RgbImage;
-use image::imageops::{FilterType, resize};
+use image::imageops::FilterType;
+use impasto_train::Model;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -24,7 +28,7 @@ const SCRIPT: &str = include_str!("page.js");
 #[derive(Serialize)]
 struct Data<'a> {
     schema: u32,
-    study: String,
+    study: &'a str,
     synthetic: bool,
     rate: u32,
     size: [u32; 2],
@@ -40,8 +44,22 @@ struct Pair<'a> {
     b: &'a [String],
 }
 
+impl StudyPlan<'_> {
+    /// Renders and stylises every clip and puts them into a page. `tick` hears of every frame.
+    ///
+    /// # Errors
+    /// If the model has no style stage, or a frame cannot be encoded.
+    pub fn make(&self, model: &Model, tick: &mut dyn FnMut()) -> Result<Study, StudyError> {
+        if !model.has_style() {
+            return Err(EvalError::Unstyled.into());
+        }
+        let clips = film(model, self, tick)?;
+        study(self, model.file.scene.synthetic, &clips)
+    }
+}
+
 /// Puts a plan's clips into a page, and what they are into a key.
-pub(super) fn study(plan: &Plan<'_>, synthetic: bool, clips: &Clips) -> Result<Study, StudyError> {
+fn study(plan: &StudyPlan<'_>, synthetic: bool, clips: &Clips) -> Result<Study, StudyError> {
     let paintings = plan.trials.iter().map(|trial| {
         let (_, picture) = &plan.options.paintings[trial.painting];
         Ok((trial.painting, data_url(&small(picture), QUALITY)?))
@@ -69,7 +87,7 @@ pub(super) fn study(plan: &Plan<'_>, synthetic: bool, clips: &Clips) -> Result<S
     let size = plan.path.first().map_or([0; 2], |camera| {
         [camera.intrinsics.width, camera.intrinsics.height]
     });
-    let key = Key {
+    let key = StudyKey {
         schema: SCHEMA,
         study: name(&pairs),
         synthetic,
@@ -82,19 +100,17 @@ pub(super) fn study(plan: &Plan<'_>, synthetic: bool, clips: &Clips) -> Result<S
     };
     let data = Data {
         schema: SCHEMA,
-        study: key.study.clone(),
+        study: &key.study,
         synthetic,
         rate: RATE,
         size,
         questions: &pairs,
     };
-    Ok(Study {
-        page: page(&data)?,
-        key,
-    })
+    let page = page(&data)?;
+    Ok(Study { page, key })
 }
 
-fn frames(clips: &Clips, painting: usize, side: Shown) -> &[String] {
+fn frames(clips: &Clips, painting: usize, side: ClipKind) -> &[String] {
     clips.get(&(painting, side)).map_or(&[], Vec::as_slice)
 }
 
@@ -117,16 +133,15 @@ fn page(data: &Data<'_>) -> Result<String, StudyError> {
 fn small(painting: &RgbImage) -> RgbImage {
     let (width, height) = painting.dimensions();
     let scale = (f64::from(PAINTING_SIDE) / f64::from(width.max(height))).min(1.0);
-    let side = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
-    resize(painting, side(width), side(height), FilterType::Triangle)
+    scaled(painting, scale, FilterType::Triangle)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::flow::tests::camera;
-    use crate::methods::Stylizer;
-    use crate::study::{Asked, StudyOptions, plan::Trial};
+    use crate::methods::{Stylizer, Transfer};
+    use crate::study::{Asked, StudyOptions, trials::Trial};
     use image::Rgb;
     use serde_json::Value;
 
@@ -138,10 +153,7 @@ mod tests {
             "method"
         }
 
-        fn brush<'a>(
-            &'a self,
-            _painting: &RgbImage,
-        ) -> Box<dyn Fn(&RgbImage) -> RgbImage + Sync + 'a> {
+        fn transfer<'a>(&'a self, _painting: &RgbImage) -> Transfer<'a> {
             Box::new(RgbImage::clone)
         }
     }
@@ -153,9 +165,9 @@ mod tests {
             ("dark".to_owned(), painting(20)),
             ("bright </script>".to_owned(), painting(220)),
         ];
-        let (ours, frames, video) = (Shown::Ours, Shown::Frames(0), Shown::Video(0));
+        let (ours, frames, video) = (ClipKind::Ours, ClipKind::Frames(0), ClipKind::Video(0));
         let trial = |painting, sides| Trial { painting, sides };
-        let plan = Plan {
+        let plan = StudyPlan {
             options: StudyOptions {
                 paintings: &paintings,
                 against: &[&Nothing],
@@ -169,13 +181,16 @@ mod tests {
                 trial(0, [ours, video]),
                 trial(1, [frames, ours]),
                 trial(1, [ours, video]),
-                trial(0, [frames, Shown::Photo]),
+                trial(0, [frames, ClipKind::Photo]),
             ],
             path: vec![camera(0.0), camera(0.1)],
         };
         let mut clips = Clips::new();
         for painting in 0..2 {
-            for (kind, shown) in [ours, frames, video, Shown::Photo].into_iter().enumerate() {
+            for (kind, shown) in [ours, frames, video, ClipKind::Photo]
+                .into_iter()
+                .enumerate()
+            {
                 // Numbers that tell them apart.
                 let frame = |i| format!("data:,{painting}{kind}{i}");
                 clips.insert((painting, shown), (0..2).map(frame).collect());
@@ -213,12 +228,12 @@ mod tests {
             let painting = usize::from(question.painting != "dark");
             for (side, name) in [("a", &question.a), ("b", &question.b)] {
                 let shown = match name.as_str() {
-                    "impasto" => Shown::Ours,
-                    "method" => Shown::Frames(0),
-                    "method_temporal" => Shown::Video(0),
+                    "impasto" => ClipKind::Ours,
+                    "method" => ClipKind::Frames(0),
+                    "method_temporal" => ClipKind::Video(0),
                     other => {
                         assert_eq!(other, "photo");
-                        Shown::Photo
+                        ClipKind::Photo
                     }
                 };
                 assert_eq!(pair[side], serde_json::json!(clips[&(painting, shown)]));

@@ -1,10 +1,10 @@
-//! What the metrics promise, proved on a painted plane that is rendered exactly: consistency alone
+//! What the metrics promise, tested on a painted plane that is rendered exactly: consistency alone
 //! can be won by blur and by nothing at all, and its guards tell.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use crate::fidelity::{Judge, PaintingResult};
-use crate::walk::{Walk, Walked};
+use crate::fidelity::{FidelityMetric, PaintingResult};
+use crate::trajectory::{Trajectory, TrajectoryMetrics};
 use glam::{DMat4, DVec2, DVec3};
 use image::imageops::blur;
 use image::{Rgb, RgbImage};
@@ -18,7 +18,7 @@ const FRAMES: usize = 9;
 const POINT: DVec3 = DVec3::new(0.0, 0.0, 3.0);
 const NORMAL: DVec3 = DVec3::new(0.3, -0.2, -1.0);
 
-/// A walk that moves sideways and turns.
+/// A path that moves sideways and turns.
 fn path() -> Vec<Camera> {
     let camera = |frame: usize| {
         let along = frame as f64 / FRAMES as f64;
@@ -69,11 +69,11 @@ fn shots(paint: fn(DVec2) -> [f64; 3], noise: f64) -> Vec<RgbImage> {
     path.iter().enumerate().map(shot).collect()
 }
 
-fn walk() -> Walk {
+fn trajectory() -> Trajectory {
     let path = path();
     let depth = |camera| met(camera).into_iter().map(|(depth, _)| depth).collect();
     let depths: Vec<Vec<f32>> = path.iter().map(depth).collect();
-    Walk::of_frames(&path, shots(photo, 0.0), &depths, None)
+    Trajectory::of_frames(&path, shots(photo, 0.0), &depths, None)
 }
 
 fn between(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
@@ -107,22 +107,22 @@ fn painting() -> RgbImage {
     })
 }
 
-fn measured(walk: &Walk, vgg: &Perceptual, frames: &[RgbImage]) -> Walked {
-    walk.measure(frames, vgg).unwrap().unwrap()
+fn measured(trajectory: &Trajectory, vgg: &Perceptual, frames: &[RgbImage]) -> TrajectoryMetrics {
+    trajectory.measure(frames, vgg).unwrap().unwrap()
 }
 
 #[test]
 fn a_plane_rendered_exactly_agrees_to_rounding() {
-    let (walk, vgg) = (walk(), Perceptual::vgg16().unwrap());
-    let found = measured(&walk, &vgg, &walk.frames).exact;
+    let (trajectory, vgg) = (trajectory(), Perceptual::vgg16().unwrap());
+    let found = measured(&trajectory, &vgg, &trajectory.frames).exact;
     for range in found {
         // Two roundings to 8 bits are worth 1/6 of a squared step, interpolation about as much.
         let step = 100.0 / (255.0 * 255.0);
         assert!(range.e100 < 0.4 * step, "{range:?}");
         assert!(range.coverage > 0.7 && range.dropped == 0, "{range:?}");
     }
-    // At both ranges, because the walk turns and the plane is slanted.
-    let noisy = [0.02, 0.05, 0.1].map(|n| measured(&walk, &vgg, &shots(photo, n)).exact);
+    // At both ranges, because the path turns and the plane is slanted.
+    let noisy = [0.02, 0.05, 0.1].map(|n| measured(&trajectory, &vgg, &shots(photo, n)).exact);
     for range in 0..2 {
         let rising = [found, noisy[0], noisy[1], noisy[2]].map(|all| all[range].e100);
         assert!(rising.is_sorted_by(|a, b| a < b), "{rising:?}");
@@ -131,12 +131,12 @@ fn a_plane_rendered_exactly_agrees_to_rounding() {
 
 #[test]
 fn blur_and_emptiness_win_consistency_and_fail_its_guards() {
-    let (walk, vgg) = (walk(), Perceptual::vgg16().unwrap());
+    let (trajectory, vgg) = (trajectory(), Perceptual::vgg16().unwrap());
     let paintings = [("strokes".to_owned(), painting())];
-    let judge = Judge::new(&vgg, &paintings, &walk.frames[..2]).unwrap();
-    let of = |frames: &[RgbImage]| -> (Walked, PaintingResult) {
-        let judged = judge.painting(0, &frames[..2]).unwrap();
-        (measured(&walk, &vgg, frames), judged)
+    let metric = FidelityMetric::new(&vgg, &paintings, &trajectory.frames[..2]).unwrap();
+    let of = |frames: &[RgbImage]| -> (TrajectoryMetrics, PaintingResult) {
+        let fidelity = metric.of_views(0, &frames[..2]).unwrap();
+        (measured(&trajectory, &vgg, frames), fidelity)
     };
     let sharp = shots(stylised, 0.04);
     let blurred: Vec<_> = sharp.iter().map(|frame| blur(frame, 3.0)).collect();
@@ -144,7 +144,7 @@ fn blur_and_emptiness_win_consistency_and_fail_its_guards() {
     let [sharp, blurred, flat] = [of(&sharp), of(&blurred), of(&flat)];
 
     for range in 0..2 {
-        let e100 = |found: &(Walked, PaintingResult)| found.0.exact[range].e100;
+        let e100 = |found: &(TrajectoryMetrics, PaintingResult)| found.0.exact[range].e100;
         assert!(e100(&blurred) < e100(&sharp) && e100(&flat) < 1e-9);
     }
     // Sharpness sees both.

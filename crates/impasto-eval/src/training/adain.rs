@@ -1,10 +1,11 @@
-//! Training of the decoder on photos and paintings.
+//! Training of AdaIN's decoder on photos and paintings.
 
-use super::decoder::Decoder;
-use super::{features, renormalised};
+use crate::methods::adain::decoder::Decoder;
+use crate::methods::adain::{features, renormalised};
+use crate::resize;
 use burn::tensor::{Device, Tensor, TensorData};
 use image::RgbImage;
-use image::imageops::{FilterType, flip_horizontal_in_place, resize};
+use image::imageops::{FilterType, flip_horizontal_in_place};
 use impasto_kernels::{AdamStep, ConvChain, FeatureMap, cpu::adam};
 use impasto_style::losses::content_and_style;
 use impasto_style::{Features, Perceptual, StyleError, StyleReduction, square_crop};
@@ -50,7 +51,7 @@ pub struct AdaInReport {
     pub style: f32,
 }
 
-/// Pixels a side of the squares that pictures are seen in.
+/// Pixels a side of the squares that are cut out of pictures.
 const SIDE: u32 = 128;
 /// Steps until the rate is what it should be.
 const WARM_UP: f32 = 100.0;
@@ -63,7 +64,7 @@ const LEAST_PART: f32 = 0.4;
 /// deviation of squares of paintings; the decoded picture shall have these features, and the
 /// painting's statistics at all four layers.
 ///
-/// `report` hears of every step.
+/// `report` is called after every step.
 ///
 /// # Errors
 /// If an asset is damaged.
@@ -87,7 +88,7 @@ pub fn train_adain(
     let mut rng = Pcg64::seed_from_u64(training.seed);
     let mut decoder = Decoder::random(&mut rng);
     let mut moments = [(); 2].map(|()| vec![0.0; decoder.params.len()]);
-    let lesson = Lesson {
+    let objective = Objective {
         vgg: Perceptual::vgg16()?,
         style_weight: training.style_weight,
     };
@@ -97,7 +98,7 @@ pub fn train_adain(
         let mut mean = AdaInReport::default();
         for _ in 0..training.batch {
             let pair = [&photos, &paintings].map(|pictures| square(pictures, &mut rng));
-            let (found, own) = lesson.pair(&chain, &pair)?;
+            let (found, own) = objective.pair(&chain, &pair)?;
             let share = 1.0 / training.batch as f32;
             mean.content += found.content * share;
             mean.style += found.style * share;
@@ -131,11 +132,7 @@ impl AdaInTraining {
 fn reduced(picture: &RgbImage) -> RgbImage {
     let (width, height) = picture.dimensions();
     let scale = f64::from(LARGEST) / f64::from(width.min(height).max(1));
-    if scale >= 1.0 {
-        return picture.clone();
-    }
-    let [width, height] = [width, height].map(|side| (f64::from(side) * scale).round() as u32);
-    resize(picture, width, height, FilterType::Triangle)
+    resize::reduced(picture, scale, FilterType::Triangle)
 }
 
 /// A random square of a random picture.
@@ -149,12 +146,12 @@ fn square(pictures: &[RgbImage], rng: &mut Pcg64) -> RgbImage {
     square
 }
 
-struct Lesson {
+struct Objective {
     vgg: Perceptual,
     style_weight: f32,
 }
 
-impl Lesson {
+impl Objective {
     /// Losses of a photo and a painting, and their gradient in the order of the decoder's numbers.
     fn pair(
         &self,
@@ -200,5 +197,35 @@ impl Lesson {
         let grad = picture.grad_remove(&mut gradients);
         let grad = grad.map(|grad| grad.try_into_vec_as::<f32>().unwrap_or_default());
         (report, grad.unwrap_or_default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+    use crate::methods::adain::tests::waves;
+
+    #[test]
+    fn training_makes_a_decoder_that_its_file_gives_back() {
+        let photos = [waves(160, 140, [120.0, 100.0, 90.0], 0.2)];
+        let paintings = [waves(150, 170, [60.0, 90.0, 160.0], 0.5)];
+        let training = AdaInTraining {
+            steps: 12,
+            batch: 1,
+            rate: 4e-3,
+            ..AdaInTraining::default()
+        };
+        let mut losses = Vec::new();
+        let mut report = |_, now: AdaInReport| {
+            losses.push(now.content + training.style_weight * now.style);
+        };
+        let bytes = train_adain(&photos, &paintings, &training, &mut report).unwrap();
+        assert_eq!(losses.len(), 12);
+        let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+        assert!(mean(&losses[9..]) < 0.9 * mean(&losses[..3]), "{losses:?}");
+        let again = Decoder::from_bytes("x", &bytes).unwrap();
+        assert_eq!(again.to_bytes().unwrap(), bytes);
     }
 }

@@ -1,58 +1,59 @@
-//! A walk through a scene: frames along a path, and which of their pixels show the same.
+//! A trajectory through a scene: frames along a path, and which of their pixels show the same.
 
 use crate::consistency::{Consistency, Pairs, RANGES, Worst};
 use crate::estimate::estimated;
-use crate::flow::{Correspondence, Geometry};
-use crate::methods::temporal;
+use crate::flow::{Correspondence, FrameGeometry};
 use crate::sharpness::gradient_energy;
-use crate::truth::{depth_error, depths};
+use crate::true_depth::{depth_error, depths};
 use image::RgbImage;
 use impasto_scene::Camera;
 use impasto_style::{Perceptual, StyleError};
-use impasto_train::{Look, Model};
+use impasto_train::Model;
 
-/// A walk's unstylised frames and correspondences, the latter at short and at long range.
-pub(crate) struct Walk {
+/// Unstylised frames along a path and their correspondences, the latter at short and at long range.
+pub(crate) struct Trajectory {
     /// Unstylised.
     pub(crate) frames: Vec<RgbImage>,
     /// By the model's depth and poses.
     exact: [Pairs; 2],
     /// By true depth and poses, on the built-in scene.
-    truth: Option<[Pairs; 2]>,
+    true_depth: Option<[Pairs; 2]>,
     /// How far the model's depth is from the true one, see [`depth_error`].
     pub(crate) depth_error: Option<f64>,
     /// By flow estimated from the unstylised frames.
-    estimated: [Pairs; 2],
+    pub(crate) estimated: [Pairs; 2],
     /// Gradient energy of the unstylised frames.
     energy: f64,
 }
 
-/// What a method's frames of a walk come to in one style.
+/// Measures of a method's frames along a trajectory in one style.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Walked {
+pub(crate) struct TrajectoryMetrics {
     pub(crate) exact: [Consistency; 2],
-    pub(crate) truth: Option<[Consistency; 2]>,
+    pub(crate) true_depth: Option<[Consistency; 2]>,
     pub(crate) estimated: [Consistency; 2],
     pub(crate) sharpness: f64,
 }
 
-impl Walk {
-    /// Renders the unstylised walk with `side × side` rays a pixel. `tick` hears of every finished frame.
+impl Trajectory {
+    /// Renders the unstylised frames with `supersampling²` rays a pixel. `tick` hears of every
+    /// finished frame.
     pub(crate) fn new(
-        (model, side): (&Model, u32),
+        model: &Model,
+        supersampling: u32,
         path: &[Camera],
         tick: &mut dyn FnMut(),
     ) -> Self {
         let photo = model.photo_look();
         let (mut frames, mut rendered) = (Vec::new(), Vec::new());
         for camera in path {
-            let view = model.render_smooth(camera, &[&photo], side);
+            let view = model.render_smooth(camera, &[&photo], supersampling);
             frames.push(view.image(0));
             rendered.push(view.depth);
             tick();
         }
-        let truth = depths(&model.file.scene, path);
-        Self::of_frames(path, frames, &rendered, truth.as_deref())
+        let true_depth = depths(&model.file.scene, path);
+        Self::of_frames(path, frames, &rendered, true_depth.as_deref())
     }
 
     /// From unstylised frames along a path with their depth, and with the true one where that is
@@ -61,24 +62,24 @@ impl Walk {
         path: &[Camera],
         frames: Vec<RgbImage>,
         rendered: &[Vec<f32>],
-        truth: Option<&[Vec<f32>]>,
+        true_depth: Option<&[Vec<f32>]>,
     ) -> Self {
         Self {
             energy: frames.iter().map(gradient_energy).sum(),
             estimated: RANGES.map(|range| by_estimate(&frames, range)),
             frames,
             exact: by_depth(path, rendered),
-            depth_error: truth.map(|truth| depth_error(rendered, truth)),
-            truth: truth.map(|truth| by_depth(path, truth)),
+            depth_error: true_depth.map(|depth| depth_error(rendered, depth)),
+            true_depth: true_depth.map(|depth| by_depth(path, depth)),
         }
     }
 
-    /// Measures a method's frames; `None` if there is no walk.
+    /// Measures a method's frames; `None` if the path has none.
     pub(crate) fn measure(
         &self,
         frames: &[RgbImage],
         vgg: &Perceptual,
-    ) -> Result<Option<Walked>, StyleError> {
+    ) -> Result<Option<TrajectoryMetrics>, StyleError> {
         if frames.is_empty() {
             return Ok(None);
         }
@@ -87,9 +88,10 @@ impl Walk {
             Ok::<_, StyleError>([short?, long?])
         };
         let energy: f64 = frames.iter().map(gradient_energy).sum();
-        Ok(Some(Walked {
+        let true_depth = self.true_depth.as_ref().map(|pairs| both(pairs, None));
+        Ok(Some(TrajectoryMetrics {
             exact: both(&self.exact, Some(vgg))?,
-            truth: self.truth.as_ref().map(|t| both(t, None)).transpose()?,
+            true_depth: true_depth.transpose()?,
             estimated: both(&self.estimated, None)?,
             sharpness: energy / self.energy.max(f64::MIN_POSITIVE),
         }))
@@ -98,12 +100,6 @@ impl Walk {
     /// The pairs by exact flow of largest E, at short and at long range.
     pub(crate) fn worst(&self, frames: &[RgbImage]) -> [Option<Worst<'_>>; 2] {
         self.exact.each_ref().map(|pairs| pairs.worst(frames))
-    }
-
-    /// Frames that were stylised one by one, as a video: by estimated flow, because a method of
-    /// pictures knows no geometry.
-    pub(crate) fn video(&self, frames: &[RgbImage]) -> Vec<RgbImage> {
-        video(frames, &self.estimated[0])
     }
 }
 
@@ -116,18 +112,9 @@ pub(crate) fn by_estimate(frames: &[RgbImage], range: usize) -> Pairs {
     })
 }
 
-/// Frames that were stylised one by one, as a video, by how neighbours correspond.
-pub(crate) fn video(frames: &[RgbImage], neighbours: &Pairs) -> Vec<RgbImage> {
-    let mut links = vec![None; frames.len()];
-    for ([t, _], link) in neighbours.links() {
-        links[t] = Some(link);
-    }
-    temporal(frames, &links)
-}
-
 /// How the frames of a path correspond, by one depth map each.
 fn by_depth(path: &[Camera], depths: &[Vec<f32>]) -> [Pairs; 2] {
-    let geometry = |i: usize| Geometry {
+    let geometry = |i: usize| FrameGeometry {
         camera: &path[i],
         depth: &depths[i],
     };
@@ -136,24 +123,4 @@ fn by_depth(path: &[Camera], depths: &[Vec<f32>]) -> [Pairs; 2] {
             Correspondence::exact(&geometry(first), &geometry(second))
         })
     })
-}
-
-/// Views of cameras with every look, look by look, with `side × side` rays a pixel; geometry is
-/// computed once. `tick` hears of every
-/// camera.
-pub(crate) fn views(
-    (model, side): (&Model, u32),
-    cameras: &[Camera],
-    looks: &[&Look],
-    tick: &mut dyn FnMut(),
-) -> Vec<Vec<RgbImage>> {
-    let mut views = vec![Vec::with_capacity(cameras.len()); looks.len()];
-    for camera in cameras {
-        let view = model.render_smooth(camera, looks, side);
-        for (look, views) in views.iter_mut().enumerate() {
-            views.push(view.image(look));
-        }
-        tick();
-    }
-    views
 }

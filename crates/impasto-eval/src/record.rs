@@ -1,26 +1,27 @@
-//! What is kept of an evaluation to be looked at. An evaluation that nobody asks for pictures keeps
-//! none.
+//! Pictures that an evaluation keeps for its report, if they are asked for.
 
 use crate::consistency::{RANGES, Worst};
+use crate::names::PHOTO;
+use crate::resize::reduced;
 use image::RgbImage;
-use image::imageops::{FilterType, resize};
+use image::imageops::FilterType;
 use std::collections::BTreeMap;
 
 /// How much to keep.
 #[derive(Debug, Clone, Copy)]
-pub struct GalleryPlan {
-    /// Paintings, from the first, of which one view and one frame of the walk are kept.
+pub struct RecordPlan {
+    /// Paintings, from the first, of which one view and one frame of the path are kept.
     pub sheets: usize,
     /// Side in pixels of a square as large as such a picture; none is enlarged.
     pub sheet_side: u32,
-    /// Paintings, from the first, of which all frames of the walk are kept, at most `sheets`.
+    /// Paintings, from the first, of which all frames of the path are kept, at most `sheets`.
     pub films: usize,
     /// Side in pixels of a square as large as such a frame.
     pub film_side: u32,
 }
 
-impl Default for GalleryPlan {
-    /// Pictures that a page of 15 MB can hold of four methods and a walk of 60 frames.
+impl Default for RecordPlan {
+    /// Pictures that a page of 15 MB can hold of four methods and a path of 60 frames.
     fn default() -> Self {
         Self {
             sheets: 20,
@@ -33,19 +34,19 @@ impl Default for GalleryPlan {
 
 /// What one method makes of the scene in one style.
 #[derive(Debug, Clone)]
-pub struct Exhibit {
-    /// The held-out view [`Gallery::view`].
+pub struct SampleImages {
+    /// The held-out view [`ImageRecord::view`].
     pub view: RgbImage,
-    /// The walk's frame [`Gallery::frame`]; `None` without a walk.
+    /// The frame [`ImageRecord::frame`] of the path; `None` without a path.
     pub frame: Option<RgbImage>,
-    /// The walk's frames; empty where they are not kept.
+    /// All frames of the path; empty where they are not kept.
     pub film: Vec<RgbImage>,
 }
 
 /// The pair of frames that agree least, of all of a method's paintings.
 #[derive(Debug, Clone)]
 pub struct WorstPair {
-    /// The painting's place among all; `None` for frames without one.
+    /// The painting's index; `None` for frames without one.
     pub painting: Option<usize>,
     /// First and second frame, counted from 0.
     pub frames: [usize; 2],
@@ -64,29 +65,29 @@ pub struct WorstPair {
 
 /// Pictures of an evaluation.
 #[derive(Debug, Clone)]
-pub struct Gallery {
+pub struct ImageRecord {
     /// The first paintings, small.
     pub paintings: Vec<RgbImage>,
     /// By method, one for each of `paintings`; the unstylised render, which no painting changes,
     /// has one.
-    pub exhibits: BTreeMap<String, Vec<Exhibit>>,
+    pub samples: BTreeMap<String, Vec<SampleImages>>,
     /// By method, at short and at long range; `None` where no pair counts.
     pub worst: BTreeMap<String, [Option<WorstPair>; RANGES.len()]>,
     /// Which of the held-out views is shown, counted from 0.
     pub view: usize,
-    /// Which of the walk's frames is shown, counted from 0.
+    /// Which of the path's frames is shown, counted from 0.
     pub frame: usize,
-    plan: GalleryPlan,
+    plan: RecordPlan,
 }
 
-impl Gallery {
-    pub(crate) fn new(plan: GalleryPlan, paintings: &[(String, RgbImage)]) -> Self {
+impl ImageRecord {
+    pub(crate) fn new(plan: RecordPlan, paintings: &[(String, RgbImage)]) -> Self {
         let paintings = paintings.iter().take(plan.sheets);
         Self {
             paintings: paintings
                 .map(|(_, painting)| fitted(painting, plan.sheet_side))
                 .collect(),
-            exhibits: BTreeMap::new(),
+            samples: BTreeMap::new(),
             worst: BTreeMap::new(),
             view: 0,
             frame: 0,
@@ -95,49 +96,44 @@ impl Gallery {
     }
 
     /// A method's pictures in the style of a painting.
-    pub fn of(&self, method: &str, painting: usize) -> Option<&Exhibit> {
-        let exhibits = self.exhibits.get(method)?;
-        match exhibits.as_slice() {
-            [unstyled] if method == crate::evaluate::PHOTO => Some(unstyled),
+    pub fn of(&self, method: &str, painting: usize) -> Option<&SampleImages> {
+        let samples = self.samples.get(method)?;
+        match samples.as_slice() {
+            [unstylised] if method == PHOTO => Some(unstylised),
             several => several.get(painting),
         }
     }
 
-    /// Keeps what the plan wants of a method's held-out views and walk in the style of a painting,
-    /// given by its place, and the worst pairs of the walk at both ranges if they are worse than
-    /// those before. Paintings come in their order.
-    pub(crate) fn hang(
+    /// Keeps what the plan wants of a method's held-out views and frames in the style of a
+    /// painting, given by its index, and the worst pairs of frames at both ranges if they are worse
+    /// than those before. Paintings come in their order.
+    pub(crate) fn add(
         &mut self,
-        (method, painting): (&str, Option<usize>),
-        (views, frames): (&[RgbImage], &[RgbImage]),
+        method: &str,
+        painting: Option<usize>,
+        views: &[RgbImage],
+        frames: &[RgbImage],
         worst: [Option<Worst<'_>>; RANGES.len()],
     ) {
+        let plan = self.plan;
         (self.view, self.frame) = (views.len() / 2, frames.len() / 2);
-        let place = painting.unwrap_or(0);
-        if let Some(view) = views.get(self.view).filter(|_| place < self.plan.sheets) {
-            let film = match place < self.plan.films {
-                true => frames,
-                false => &[],
+        let index = painting.unwrap_or(0);
+        if let Some(view) = views.get(self.view).filter(|_| index < plan.sheets) {
+            let frame = frames.get(self.frame);
+            let film = frames.iter().filter(|_| index < plan.films);
+            let sample = SampleImages {
+                view: fitted(view, plan.sheet_side),
+                frame: frame.map(|frame| fitted(frame, plan.sheet_side)),
+                film: film.map(|frame| fitted(frame, plan.film_side)).collect(),
             };
-            let exhibit = Exhibit {
-                view: fitted(view, self.plan.sheet_side),
-                frame: frames
-                    .get(self.frame)
-                    .map(|frame| fitted(frame, self.plan.sheet_side)),
-                film: film
-                    .iter()
-                    .map(|f| fitted(f, self.plan.film_side))
-                    .collect(),
-            };
-            let exhibits = self.exhibits.entry(method.to_owned()).or_default();
-            exhibits.push(exhibit);
+            let samples = self.samples.entry(method.to_owned()).or_default();
+            samples.push(sample);
         }
         let before = self.worst.entry(method.to_owned()).or_default();
         for (before, found) in before.iter_mut().zip(worst) {
-            let square = before
-                .as_ref()
-                .map_or(f64::NEG_INFINITY, |pair| pair.square);
-            if let Some(found) = found.filter(|found| found.error.square > square) {
+            let least = before.as_ref().map(|pair| pair.square);
+            let least = least.unwrap_or(f64::NEG_INFINITY);
+            if let Some(found) = found.filter(|found| found.error.square > least) {
                 *before = Some(WorstPair::of(painting, &found, frames));
             }
         }
@@ -173,11 +169,7 @@ fn fitted(picture: &RgbImage, side: u32) -> RgbImage {
     let (width, height) = picture.dimensions();
     let area = f64::from(width) * f64::from(height);
     let scale = f64::from(side) / area.sqrt().max(1.0);
-    if scale >= 1.0 {
-        return picture.clone();
-    }
-    let size = |length: u32| ((f64::from(length) * scale).round() as u32).max(1);
-    resize(picture, size(width), size(height), FilterType::CatmullRom)
+    reduced(picture, scale, FilterType::CatmullRom)
 }
 
 #[cfg(test)]
@@ -186,59 +178,58 @@ mod tests {
 
     use super::*;
     use crate::consistency::tests::{frames, pairs};
-    use crate::evaluate::PHOTO;
 
-    const PLAN: GalleryPlan = GalleryPlan {
+    const PLAN: RecordPlan = RecordPlan {
         sheets: 2,
         sheet_side: 20,
         films: 1,
         film_side: 10,
     };
 
-    /// A gallery of one method and three paintings, with frames of that much noise, and as many
+    /// A record of one method and three paintings, with frames of that much noise, and as many
     /// held-out views as there are frames.
-    fn gallery(noise: [u8; 3]) -> Gallery {
+    fn record(noise: [u8; 3]) -> ImageRecord {
         let paintings = ["a", "b", "c"].map(|name| (name.to_owned(), RgbImage::new(60, 50)));
-        let mut gallery = Gallery::new(PLAN, &paintings);
+        let mut record = ImageRecord::new(PLAN, &paintings);
         let pairs = pairs(5, 1, 0.05);
         for (i, noise) in noise.into_iter().enumerate() {
             let frames = frames(5, 0.05, noise);
             let worst = [pairs.worst(&frames), None];
-            gallery.hang(("method", Some(i)), (&frames, &frames), worst);
+            record.add("method", Some(i), &frames, &frames, worst);
         }
-        gallery
+        record
     }
 
     #[test]
     fn as_much_is_kept_as_was_planned() {
-        let gallery = gallery([0, 0, 0]);
-        let kept: Vec<usize> = gallery.exhibits["method"]
+        let record = record([0, 0, 0]);
+        let kept: Vec<usize> = record.samples["method"]
             .iter()
             .map(|e| e.film.len())
             .collect();
         assert_eq!(kept, [5, 0]);
         assert_eq!(
-            (gallery.view, gallery.frame, gallery.paintings.len()),
+            (record.view, record.frame, record.paintings.len()),
             (2, 2, 2)
         );
-        let first = gallery.of("method", 0).unwrap();
+        let first = record.of("method", 0).unwrap();
         assert_eq!(first.view.dimensions(), (23, 17));
         assert_eq!(first.film[0].dimensions(), (12, 9));
-        assert!(gallery.of("method", 2).is_none() && gallery.of("other", 0).is_none());
+        assert!(record.of("method", 2).is_none() && record.of("other", 0).is_none());
     }
 
     #[test]
-    fn the_unstylised_render_hangs_beside_every_painting() {
-        let mut gallery = gallery([0, 0, 0]);
-        gallery.hang((PHOTO, None), (&frames(3, 0.05, 0), &[]), [None, None]);
-        assert!(gallery.of(PHOTO, 1).is_some_and(|e| e.frame.is_none()));
+    fn the_unstylised_render_is_that_of_every_painting() {
+        let mut record = record([0, 0, 0]);
+        record.add(PHOTO, None, &frames(3, 0.05, 0), &[], [None, None]);
+        assert!(record.of(PHOTO, 1).is_some_and(|e| e.frame.is_none()));
     }
 
     #[test]
     fn the_worst_pair_is_that_of_the_noisiest_painting() {
         for (noise, worst) in [([20, 60, 40], 1), ([90, 60, 0], 0), ([5, 10, 30], 2)] {
-            let gallery = gallery(noise);
-            let [Some(pair), None] = &gallery.worst["method"] else {
+            let record = record(noise);
+            let [Some(pair), None] = &record.worst["method"] else {
                 panic!("one range was measured");
             };
             assert_eq!(pair.painting, Some(worst));

@@ -1,4 +1,4 @@
-//! True depth along a walk, where it is known: on the built-in scene.
+//! True depth along a path, where it is known: on the built-in scene.
 
 use impasto_scene::{Camera, builtin};
 use impasto_train::ModelScene;
@@ -47,7 +47,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
     use super::*;
-    use crate::flow::{Correspondence, Geometry};
+    use crate::flow::{Correspondence, FrameGeometry};
     use glam::DVec3;
     use impasto_scene::builtin::{BuiltinOptions, cameras};
     use impasto_scene::{Normalisation, Split};
@@ -95,7 +95,7 @@ mod tests {
         let scene = scene();
         let [first, second] = [3, 4].map(|i| scene.photos[i].camera);
         let depth = depths(&scene, &[first, second]).unwrap();
-        let geometry = |camera, i: usize| Geometry {
+        let geometry = |camera, i: usize| FrameGeometry {
             camera,
             depth: &depth[i],
         };
@@ -146,7 +146,7 @@ mod tests {
         let mut beside = camera;
         beside.camera_to_world.w_axis += camera.camera_to_world.x_axis * 0.02;
         let depth = depths(&scene, &[camera, beside]).unwrap();
-        let geometry = |camera, i: usize| Geometry {
+        let geometry = |camera, i: usize| FrameGeometry {
             camera,
             depth: &depth[i],
         };

@@ -1,0 +1,17 @@
+//! Looks that go on learning from their painting.
+
+use crate::error::EvalError;
+use image::RgbImage;
+use impasto_train::{Budget, Look, Model, Refinement};
+
+/// What makes a model's look for a painting, refined for so long.
+pub(crate) fn refined(
+    model: &Model,
+    budget: Budget,
+) -> Result<impl FnMut(&RgbImage) -> Result<Look, EvalError>, EvalError> {
+    let mut refinement = Refinement::new(model)?.ok_or(EvalError::NoTrainingViews)?;
+    Ok(move |painting: &RgbImage| {
+        let look = refinement.look(&[(painting, 1.0)], budget, &mut |_| {})?;
+        look.ok_or(EvalError::Unstyled)
+    })
+}
