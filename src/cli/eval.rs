@@ -1,6 +1,5 @@
 //! `impasto eval`: how faithful a model's styles are, and how well its frames agree.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -18,8 +17,9 @@ use serde_json::Value;
 
 use super::device::DeviceArgs;
 use super::methods::MethodArgs;
+use super::progress::FrameProgress;
 use super::values::{clock, duration};
-use super::{Answer, CliError, progress, run_facts, to_json};
+use super::{CliError, CommandOutput, run_facts, to_json};
 use crate::output::{Staging, check_folder};
 
 /// Measure how well a model takes on paintings it never saw, and how well its frames agree
@@ -63,7 +63,7 @@ pub struct EvalArgs {
 const LONGEST: u32 = 400;
 
 /// Runs the command.
-pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
+pub fn run(args: &EvalArgs) -> Result<CommandOutput, CliError> {
     let start = Instant::now();
     if let Some(folder) = &args.output {
         check_folder(folder)?;
@@ -85,7 +85,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
             paintings: args.reconstruct_paintings as usize,
         }),
     };
-    let mut bar = progress::Frames::titled("evaluate", options.pictures(&model));
+    let mut bar = FrameProgress::new("evaluate", options.pictures(&model));
     let evaluation = evaluate(&model, &options, &mut || bar.tick())?;
     drop(bar);
     let unreadable: Vec<PathBuf> = read.unreadable.into_iter().map(|(path, _)| path).collect();
@@ -108,7 +108,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         let page = write(folder, &report, &json)?;
         text += &format!("\nreport: {}", page.display());
     }
-    Ok(Answer { text, json })
+    Ok(CommandOutput { text, json })
 }
 
 fn settings(args: &EvalArgs, options: &EvalOptions<'_>) -> Settings {
@@ -137,8 +137,7 @@ fn write(folder: &Path, report: &Report<'_>, json: &Value) -> Result<PathBuf, Cl
     ];
     let mut staging = Staging::new(folder)?;
     for (name, text) in files {
-        let path = staging.file(name)?;
-        fs::write(&path, text).map_err(CliError::write(&path))?;
+        staging.write(name, text)?;
     }
     staging.commit()?;
     Ok(page)

@@ -13,7 +13,7 @@ use crate::cli::render::{FRAMES, RenderSettings, ViewSource};
 
 /// Everything to do. Items are numbered: models to train first, then renders.
 #[derive(Debug)]
-pub struct Plan {
+pub struct BatchPlan {
     /// Models to train, item `i` the `i`-th.
     pub trains: Vec<TrainTable>,
     /// Renders, by model, so that each is loaded once.
@@ -28,7 +28,7 @@ pub struct ModelWork {
     /// The paintings that any render is in.
     pub styles: Vec<StyleSource>,
     /// Renders, by views.
-    pub groups: Vec<Group>,
+    pub groups: Vec<ViewGroup>,
 }
 
 /// A painting, or the photos' own look.
@@ -42,7 +42,7 @@ pub struct StyleSource {
 
 /// Renders of one model from the same views: geometry is computed once for all.
 #[derive(Debug)]
-pub struct Group {
+pub struct ViewGroup {
     /// A running number.
     pub turn: usize,
     /// What the views are called.
@@ -74,7 +74,7 @@ pub struct RenderItem {
     pub output: PathBuf,
 }
 
-impl Group {
+impl ViewGroup {
     /// Number of frames, where that does not depend on the model or on a file.
     pub fn known_frames(&self) -> Option<usize> {
         match self.views {
@@ -84,7 +84,7 @@ impl Group {
     }
 }
 
-impl Plan {
+impl BatchPlan {
     /// Puts a file's items in order; `path` is only told.
     pub fn new(file: JobsFile, path: &Path) -> Result<Self, CliError> {
         let refuse = |problem: String| CliError::Refused(format!("{}: {problem}", path.display()));
@@ -138,13 +138,9 @@ impl Plan {
 
     /// No two items may write to the same place.
     fn check_apart(&self) -> Result<(), String> {
-        let groups = self.models.iter().flat_map(|work| &work.groups);
-        let renders = groups.flat_map(|group| &group.items);
-        let outputs = self
-            .trains
-            .iter()
-            .map(|train| &train.model)
-            .chain(renders.map(|item| &item.output));
+        let renders = self.models.iter().flat_map(ModelWork::items);
+        let outputs =
+            (self.trains.iter().map(|train| &train.model)).chain(renders.map(|item| &item.output));
         let mut taken = HashMap::new();
         for (number, output) in outputs.enumerate() {
             if let Some(first) = taken.insert(output, number) {
@@ -160,6 +156,11 @@ impl Plan {
 }
 
 impl ModelWork {
+    /// All renders.
+    pub fn items(&self) -> impl Iterator<Item = &RenderItem> {
+        self.groups.iter().flat_map(|group| &group.items)
+    }
+
     fn add(&mut self, table: &RenderTable, styles: &[StyleSource]) -> Result<(), String> {
         let model = name_of(&self.path);
         for views in &table.views {
@@ -175,7 +176,7 @@ impl ModelWork {
                 })
             });
             let items = items.collect::<Result<_, String>>()?;
-            self.groups.push(Group {
+            self.groups.push(ViewGroup {
                 turn: 0,
                 name,
                 views: source,
@@ -207,9 +208,10 @@ impl ModelWork {
 
 /// A file's or folder's name without its ending.
 fn name_of(path: &Path) -> String {
-    let name = match path.is_dir() {
-        true => path.file_name(),
-        false => path.file_stem(),
+    let name = if path.is_dir() {
+        path.file_name()
+    } else {
+        path.file_stem()
     };
     name.unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -282,14 +284,13 @@ fn filled(pattern: &str, model: &str, style: &str, views: &str) -> Result<PathBu
 mod tests {
     use super::*;
 
-    fn plan(text: &str) -> Result<Plan, String> {
+    fn plan(text: &str) -> Result<BatchPlan, String> {
         let file = toml::from_str(text).unwrap();
-        Plan::new(file, Path::new("jobs.toml")).map_err(|e| e.to_string())
+        BatchPlan::new(file, Path::new("jobs.toml")).map_err(|e| e.to_string())
     }
 
-    fn outputs(plan: &Plan) -> Vec<(usize, String)> {
-        let groups = plan.models.iter().flat_map(|work| &work.groups);
-        let items = groups.flat_map(|group| &group.items);
+    fn outputs(plan: &BatchPlan) -> Vec<(usize, String)> {
+        let items = plan.models.iter().flat_map(ModelWork::items);
         items
             .map(|item| (item.number, item.output.display().to_string()))
             .collect()
@@ -318,7 +319,7 @@ mod tests {
         let frames: Vec<_> = plan.models[0]
             .groups
             .iter()
-            .map(Group::known_frames)
+            .map(ViewGroup::known_frames)
             .collect();
         assert_eq!(frames, [Some(FRAMES), None, Some(3)]);
     }

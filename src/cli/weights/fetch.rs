@@ -8,8 +8,8 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use super::add;
-use crate::cli::progress::Download;
-use crate::cli::{Answer, CliError, console};
+use crate::cli::progress::DownloadProgress;
+use crate::cli::{CliError, CommandOutput, console};
 use crate::output::Staging;
 
 /// torchvision's own file; the digits are the beginning of its SHA-256.
@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(200);
 const WRITE_ERROR: i32 = 23;
 
 /// Runs the command.
-pub fn run(folder: &Path) -> Result<Answer, CliError> {
+pub fn run(folder: &Path) -> Result<CommandOutput, CliError> {
     // Where there is room for what is installed: system-wide temporary folders may be in memory.
     let mut staging = Staging::new(folder)?;
     let file = staging.file(NAME)?;
@@ -49,7 +49,7 @@ fn download(file: &Path) -> io::Result<(ExitStatus, String)> {
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()?;
-    let mut progress = Download::new(LENGTH);
+    let mut progress = DownloadProgress::new(LENGTH);
     let status = loop {
         if let Some(status) = curl.try_wait()? {
             break status;
