@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 /// Shows a scene from anywhere, and paints it. It works for one thread, which owns it.
 pub trait Painter: Send + 'static {
     /// The geometry of a view: costly to make, cheap to paint.
-    type View: View;
+    type Geometry: ViewGeometry;
     /// Coats of paint, ready.
     type Paint;
 
@@ -16,10 +16,10 @@ pub trait Painter: Send + 'static {
     fn facts(&self) -> SceneFacts;
 
     /// The geometry that a camera sees, one ray a pixel.
-    fn view(&self, camera: &Camera) -> Self::View;
+    fn view(&self, camera: &Camera) -> Self::Geometry;
 
     /// Colours of a view, height × width × 3 in `[0, 1]`; without paint as photographed.
-    fn paint(&self, view: &Self::View, paint: Option<&Self::Paint>) -> Vec<f32>;
+    fn paint(&self, view: &Self::Geometry, paint: Option<&Self::Paint>) -> Vec<f32>;
 
     /// Makes coats ready. `pictures` gives the painting of an id.
     ///
@@ -32,7 +32,7 @@ pub trait Painter: Send + 'static {
 pub type Pictures<'a> = &'a dyn Fn(&str) -> Result<RgbImage, String>;
 
 /// The geometry of a view.
-pub trait View {
+pub trait ViewGeometry {
     /// Depth along the camera's axis in scene units, row by row; infinite where nothing is.
     fn depth(&self) -> &[f32];
 

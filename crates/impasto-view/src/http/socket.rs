@@ -6,13 +6,12 @@ use std::time::Duration;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message as Raw, WebSocket, WebSocketUpgrade};
-use axum::response::Response;
 use tokio::sync::mpsc::Receiver;
 use tokio::sync::watch;
 use tokio::time::{Instant, interval, timeout};
 
-use super::Studio;
 use super::reply::Refusal;
+use super::state::{App, AppState, Reply};
 use crate::clients::{Clients, Outgoing};
 use crate::message::{LARGEST, Message, problem};
 
@@ -29,19 +28,19 @@ const TOO_LARGE: u16 = 1009;
 const TRY_LATER: u16 = 1013;
 
 pub(super) async fn open(
-    State(studio): State<Arc<Studio>>,
+    State(studio): App,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
-) -> Result<Response, Refusal> {
+) -> Reply {
     let upgrade = upgrade
         .map_err(|e| Refusal::wrong(format!("a page opens a WebSocket here ({e})")))?
         .max_message_size(LARGEST)
         .max_frame_size(LARGEST)
         .write_buffer_size(0);
     // A page cannot read why a socket was not opened, so it is opened to say so.
-    Ok(match studio.clients.enter() {
+    Ok(match studio.shared.clients.enter() {
         Some((id, inbox)) => {
             let seat = Seat {
-                clients: studio.clients.clone(),
+                clients: studio.shared.clients.clone(),
                 id,
             };
             upgrade.on_upgrade(move |socket| async move {
@@ -79,7 +78,7 @@ impl Drop for Seat {
 }
 
 struct Talk {
-    studio: Arc<Studio>,
+    studio: Arc<AppState>,
     socket: WebSocket,
     seat: Seat,
     malformed: u32,
@@ -131,7 +130,7 @@ impl Talk {
     async fn hear(&mut self, message: Raw) -> Result<(), End> {
         let heard = match message {
             Raw::Text(text) => Message::read(&text).and_then(|message| {
-                let heard = self.seat.clients.hear(self.seat.id, message);
+                let heard = self.seat.clients.receive(self.seat.id, message);
                 heard.map_err(|reason| problem(&reason, None))
             }),
             Raw::Binary(_) => Err(problem("messages are text here; see docs/studio.md", None)),
@@ -144,10 +143,10 @@ impl Talk {
         };
         say(&mut self.socket, self.studio.limits.reading, said).await?;
         self.malformed += 1;
-        match self.malformed >= self.studio.limits.malformed {
-            true => Err(Some((AGAINST_RULES, "too many malformed messages"))),
-            false => Ok(()),
+        if self.malformed >= self.studio.limits.malformed {
+            return Err(Some((AGAINST_RULES, "too many malformed messages")));
         }
+        Ok(())
     }
 
     async fn misheard(&mut self, error: &axum::Error) -> Result<(), End> {

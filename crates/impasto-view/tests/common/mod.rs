@@ -19,7 +19,8 @@ use image::{ImageFormat, Rgb, RgbImage};
 use impasto_scene::{Camera, Normalisation, Split};
 use impasto_train::{Coats, Stop};
 use impasto_view::{
-    Limits, NoWorkshop, Opening, Painter, Pictures, SceneFacts, Server, View, ViewOptions, Workshop,
+    Limits, NoWorkshop, Opening, Painter, Pictures, SceneFacts, Server, ViewGeometry, ViewOptions,
+    Workshop,
 };
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -50,7 +51,7 @@ pub struct Flat {
     depth: Vec<f32>,
 }
 
-impl View for Flat {
+impl ViewGeometry for Flat {
     fn depth(&self) -> &[f32] {
         &self.depth
     }
@@ -65,7 +66,7 @@ pub fn identity() -> [f64; 16] {
 }
 
 impl Painter for StandIn {
-    type View = Flat;
+    type Geometry = Flat;
     type Paint = Rgb<u8>;
 
     fn facts(&self) -> SceneFacts {
