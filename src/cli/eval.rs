@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use impasto::Budget;
 use impasto::eval::consistency::Consistency;
 use impasto::eval::methods::Stylizer;
 use impasto::eval::report::{Report, Settings};
@@ -11,12 +12,11 @@ use impasto::eval::{
     EvalOptions, Evaluation, GalleryPlan, Guard, MethodResult, PHOTO, Reconstruct, evaluate,
     small_orbit,
 };
-use impasto::{Budget, Model, read_paintings};
 use impasto_bench::Machine;
 use serde_json::Value;
 
 use super::device::DeviceArgs;
-use super::methods::MethodArgs;
+use super::methods::{JudgedArgs, MethodArgs};
 use super::progress::FrameProgress;
 use super::values::{clock, duration};
 use super::{CliError, CommandOutput, run_facts, to_json};
@@ -25,11 +25,8 @@ use crate::output::{Staging, check_folder};
 /// Measure how well a model takes on paintings it never saw, and how well its frames agree
 #[derive(Debug, Args)]
 pub struct EvalArgs {
-    /// A model folder
-    model: PathBuf,
-    /// Folder of paintings, sub-folders included, best ones that the model was not trained on
-    #[arg(long, value_name = "DIR")]
-    styles: PathBuf,
+    #[command(flatten)]
+    judged: JudgedArgs,
     #[command(flatten)]
     methods: MethodArgs,
     /// Also refine each painting's look for this long, e.g. 15s, as a method of its own; see render
@@ -68,8 +65,7 @@ pub fn run(args: &EvalArgs) -> Result<CommandOutput, CliError> {
     if let Some(folder) = &args.output {
         check_folder(folder)?;
     }
-    let model = Model::load_on(&args.model, args.device.open()?)?;
-    let read = read_paintings(&args.styles).map_err(CliError::read(&args.styles))?;
+    let (model, read) = args.judged.load(args.device.open()?)?;
     let path = small_orbit(&model, args.frames, LONGEST)?;
     let opened = args.methods.open()?;
     let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();
@@ -114,8 +110,8 @@ pub fn run(args: &EvalArgs) -> Result<CommandOutput, CliError> {
 fn settings(args: &EvalArgs, options: &EvalOptions<'_>) -> Settings {
     let size = options.path.first().map(|camera| camera.intrinsics);
     Settings {
-        model: args.model.clone(),
-        styles: args.styles.clone(),
+        model: args.judged.model.clone(),
+        styles: args.judged.styles.clone(),
         paintings: options.paintings.len(),
         frames: options.path.len(),
         frame_size: size.map(|k| [k.width, k.height]),

@@ -1,4 +1,4 @@
-//! The command line. A command is one file: its arguments and how they become an [`CommandOutput`].
+//! The command line. A command is one file: its arguments and how they become a [`CommandOutput`].
 
 mod batch;
 mod bench;

@@ -152,10 +152,10 @@ fn times(seconds: &Seconds) -> String {
         ("matching", seconds.matching),
         ("mapping", seconds.mapping),
     ];
-    let told: Vec<String> = parts
+    let measured: Vec<String> = parts
         .into_iter()
         .filter(|(_, seconds)| *seconds > 0.0)
         .map(|(name, seconds)| format!("{name} {}", clock(seconds)))
         .collect();
-    format!("{} in all: {}", clock(seconds.all), told.join(", "))
+    format!("{} in all: {}", clock(seconds.all), measured.join(", "))
 }

@@ -16,14 +16,15 @@ const QUIET: Duration = Duration::from_secs(10);
 const FULL: u64 = 1000;
 
 /// A bar, or its lines.
-struct Bar {
+pub struct Bar {
     title: String,
     drawn: Option<ProgressBar>,
     spoke: Option<Instant>,
 }
 
 impl Bar {
-    fn new(title: &str) -> Self {
+    /// Begins.
+    pub fn new(title: &str) -> Self {
         let drawn = stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(FULL).with_prefix(title.to_owned());
             // A mistake in the template costs its looks, not the run.
@@ -39,7 +40,8 @@ impl Bar {
         }
     }
 
-    fn show(&mut self, progress: f64, message: String) {
+    /// Shows the part that is done, from 0 to 1, and more about it.
+    pub fn show(&mut self, progress: f64, message: String) {
         if let Some(bar) = &self.drawn {
             bar.set_position((progress * FULL as f64) as u64);
             bar.set_message(message);
@@ -67,29 +69,6 @@ impl Drop for Bar {
         if let Some(bar) = &self.drawn {
             bar.finish_and_clear();
         }
-    }
-}
-
-/// Shows how much of a file has arrived.
-pub struct DownloadProgress {
-    bar: Bar,
-    length: u64,
-}
-
-impl DownloadProgress {
-    /// Of a file of about `length` bytes.
-    pub fn new(length: u64) -> Self {
-        Self {
-            bar: Bar::new("download"),
-            length,
-        }
-    }
-
-    /// Shows that `bytes` are there.
-    pub fn show(&mut self, bytes: u64) {
-        let progress = (bytes as f64 / self.length as f64).min(1.0);
-        self.bar
-            .show(progress, format!("{:.0} MB", bytes as f64 / 1e6));
     }
 }
 
@@ -124,9 +103,16 @@ impl TrainingProgress {
                 let message = format!("step {step}  error {error:.4}");
                 self.prepare("encoder", *step as usize, *steps as usize, message);
             }
-            Event::Step { progress, .. } => {
+            Event::Step {
+                progress,
+                loss,
+                rate,
+                rays_per_second,
+                eta,
+                ..
+            } => {
                 self.preparation = None;
-                let message = self.measures(event);
+                let message = self.measures(*loss, *rate, *rays_per_second, *eta);
                 if let Some(bar) = &mut self.bar {
                     bar.show(*progress, message);
                 }
@@ -152,24 +138,13 @@ impl TrainingProgress {
         bar.show(done as f64 / planned.max(1) as f64, message);
     }
 
-    fn measures(&self, event: &Event) -> String {
-        let Event::Step {
-            loss,
-            rate,
-            rays_per_second,
-            eta,
-            ..
-        } = event
-        else {
-            return String::new();
-        };
-        let psnr = self
-            .psnr
-            .map_or_else(String::new, |psnr| format!("  PSNR {psnr:.2} dB"));
+    fn measures(&self, loss: f64, rate: f64, rays_per_second: f64, eta: f64) -> String {
+        let psnr = self.psnr;
+        let psnr = psnr.map_or_else(String::new, |psnr| format!("  PSNR {psnr:.2} dB"));
         let rays = rays_per_second / 1e3;
         format!(
             "{rate:.1} it/s  {rays:.0}k rays/s  loss {loss:.4}{psnr}  ETA {}",
-            clock(*eta)
+            clock(eta)
         )
     }
 
@@ -324,19 +299,8 @@ mod tests {
             psnr: Some(24.318),
             ..TrainingProgress::default()
         };
-        let step = Event::Step {
-            stage: Stage::Geometry,
-            step: 7,
-            progress: 0.5,
-            loss: 0.012_34,
-            content: None,
-            style: None,
-            rate: 12.34,
-            rays_per_second: 45_600.0,
-            eta: 75.0,
-        };
         assert_eq!(
-            training.measures(&step),
+            training.measures(0.012_34, 12.34, 45_600.0, 75.0),
             "12.3 it/s  46k rays/s  loss 0.0123  PSNR 24.32 dB  ETA 1:15"
         );
     }

@@ -9,8 +9,8 @@ use impasto::TrainConfig;
 use impasto::scene::file::read_text;
 use serde_json::Value;
 
-use super::CliError;
 use super::values::{has_ending, line_of};
+use super::{CliError, to_json};
 
 /// Applies `file` (TOML, or JSON when its name ends so) and then `settings`, each `KEY=VALUE`
 /// with a dotted key and a JSON value (anything else is text), to the preset.
@@ -19,7 +19,7 @@ pub fn configure(
     file: Option<&Path>,
     settings: &[String],
 ) -> Result<TrainConfig, CliError> {
-    let mut config = Settings::of(preset)?;
+    let mut config = Settings::of(preset);
     if let Some(path) = file {
         let value = read(path)?;
         config
@@ -74,13 +74,11 @@ struct Settings {
 }
 
 impl Settings {
-    fn of(preset: &TrainConfig) -> Result<Self, CliError> {
-        let value = serde_json::to_value(preset)
-            .map_err(|e| CliError::Refused(format!("the preset cannot be written as JSON: {e}")))?;
-        Ok(Self {
-            value,
+    fn of(preset: &TrainConfig) -> Self {
+        Self {
+            value: to_json(preset),
             checked: preset.clone(),
-        })
+        }
     }
 
     /// Replaces the value at `key` (everything if empty); tables are merged entry by entry.

@@ -8,11 +8,10 @@ use impasto::eval::study::{
     Key, MeanShare, PerQuestion, Plan, Share, StudyOptions, StudySummary, summarise,
 };
 use impasto::scene::file::{LARGEST_FILE, read_whole};
-use impasto::{Model, read_paintings};
 use serde_json::json;
 
 use super::device::DeviceArgs;
-use super::methods::MethodArgs;
+use super::methods::{JudgedArgs, MethodArgs};
 use super::progress::FrameProgress;
 use super::{CliError, CommandOutput, console, of_synthetic, to_json};
 use crate::output::{Staging, check_folder};
@@ -42,11 +41,8 @@ enum StudyCommand {
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 struct MakeArgs {
-    /// A model folder
-    model: PathBuf,
-    /// Folder of paintings, sub-folders included, best ones that the model was not trained on
-    #[arg(long, value_name = "DIR")]
-    styles: PathBuf,
+    #[command(flatten)]
+    judged: JudgedArgs,
     #[command(flatten)]
     methods: MethodArgs,
     /// Frames of a clip, at 12 a second
@@ -110,8 +106,7 @@ fn make(args: &MakeArgs) -> Result<CommandOutput, CliError> {
             key.display()
         )));
     }
-    let model = Model::load_on(&args.model, args.device.open()?)?;
-    let read = read_paintings(&args.styles).map_err(CliError::read(&args.styles))?;
+    let (model, read) = args.judged.load(args.device.open()?)?;
     let opened = args.methods.open()?;
     let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();
     let options = StudyOptions {

@@ -196,18 +196,18 @@ mod tests {
         let mut run = TrainingRun::default();
         assert_eq!(tail.read(&mut run), (false, false));
         let mut log = File::create(&path).unwrap();
-        let told = |run: &mut TrainingRun| {
+        let answer = |run: &mut TrainingRun| {
             run.is_training = true;
             run.json()
         };
         let mut say = |text: &str| log.write_all(text.as_bytes()).unwrap();
         say("{\"event\":\"stage_started\",\"stage\":\"geometry\"}\nnonsense\n{\"event\":\"step\",");
         assert_eq!(tail.read(&mut run), (true, true));
-        assert_eq!(told(&mut run)["step"], 0);
+        assert_eq!(answer(&mut run)["step"], 0);
         say("\"stage\":\"geometry\",\"step\":7,\"progress\":0.5,\"loss\":0.25,");
         say("\"seconds_since_start\":3.5}\n{\"event\":\"validation\",\"psnr\":21.5}\n");
         assert_eq!(tail.read(&mut run), (true, true));
-        let said = told(&mut run);
+        let said = answer(&mut run);
         assert_eq!((&said["step"], &said["psnr"]), (&7.into(), &21.5.into()));
         assert_eq!(said["losses"], json!([[3.5, 0.25]]));
         assert_eq!(tail.read(&mut run), (false, true));

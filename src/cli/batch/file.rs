@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use crate::cli::CliError;
 use crate::cli::painting::PaintingSource;
+use crate::cli::render::RenderSettings;
 use crate::cli::train::Preset;
 use crate::cli::values;
 
@@ -118,6 +119,18 @@ pub struct RenderTable {
     /// The folder of each render, with `{model}`, `{style}` and `{views}` in it.
     #[serde(default = "output")]
     pub output: String,
+}
+
+impl RenderTable {
+    /// How its frames are rendered.
+    pub fn settings(&self) -> RenderSettings {
+        RenderSettings {
+            strength: self.strength,
+            supersampling: self.supersampling,
+            keep: self.keep_color,
+            mask: self.mask.clone(),
+        }
+    }
 }
 
 fn orbit() -> Vec<String> {

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use impasto::scene::is_picture;
 use impasto_train::StyleFolder;
@@ -9,7 +10,7 @@ use impasto_train::StyleFolder;
 use super::file::{JobsFile, RenderTable, TrainTable};
 use crate::cli::CliError;
 use crate::cli::painting::PaintingSource;
-use crate::cli::render::{FRAMES, RenderSettings, ViewSource};
+use crate::cli::render::{FRAMES, ViewSource};
 
 /// Everything to do. Items are numbered: models to train first, then renders.
 #[derive(Debug)]
@@ -49,16 +50,8 @@ pub struct ViewGroup {
     pub name: String,
     /// From where.
     pub views: ViewSource,
-    /// Size of a frame.
-    pub size: Option<(u32, u32)>,
-    /// Number of frames.
-    pub frames: Option<usize>,
-    /// How frames are rendered.
-    pub settings: RenderSettings,
-    /// Whether there are depth files.
-    pub depth: bool,
-    /// Whether the scene as photographed is beside each style.
-    pub side_by_side: bool,
+    /// The table that asks for it.
+    pub table: Rc<RenderTable>,
     /// One per style.
     pub items: Vec<RenderItem>,
 }
@@ -78,7 +71,7 @@ impl ViewGroup {
     /// Number of frames, where that does not depend on the model or on a file.
     pub fn known_frames(&self) -> Option<usize> {
         match self.views {
-            ViewSource::Orbit | ViewSource::Spiral => Some(self.frames.unwrap_or(FRAMES)),
+            ViewSource::Orbit | ViewSource::Spiral => Some(self.table.frames.unwrap_or(FRAMES)),
             _ => None,
         }
     }
@@ -92,7 +85,7 @@ impl BatchPlan {
             trains: file.train,
             models: Vec::new(),
         };
-        for table in &file.render {
+        for table in file.render {
             plan.add(table).map_err(refuse)?;
         }
         if plan.trains.is_empty() && plan.models.is_empty() {
@@ -104,11 +97,12 @@ impl BatchPlan {
         Ok(plan)
     }
 
-    fn add(&mut self, table: &RenderTable) -> Result<(), String> {
-        let styles = styles(table)?;
+    fn add(&mut self, table: RenderTable) -> Result<(), String> {
+        let styles = styles(&table)?;
         if table.side_by_side && (table.styles.is_none() || table.depth) {
             return Err("side_by_side needs styles, and goes without depth".into());
         }
+        let table = Rc::new(table);
         for path in &table.models {
             let at = self.models.iter().position(|work| work.path == *path);
             let at = at.unwrap_or_else(|| {
@@ -119,7 +113,7 @@ impl BatchPlan {
                 });
                 self.models.len() - 1
             });
-            self.models[at].add(table, &styles)?;
+            self.models[at].add(&table, &styles)?;
         }
         Ok(())
     }
@@ -161,7 +155,7 @@ impl ModelWork {
         self.groups.iter().flat_map(|group| &group.items)
     }
 
-    fn add(&mut self, table: &RenderTable, styles: &[StyleSource]) -> Result<(), String> {
+    fn add(&mut self, table: &Rc<RenderTable>, styles: &[StyleSource]) -> Result<(), String> {
         let model = name_of(&self.path);
         for views in &table.views {
             let name = name_of(Path::new(views));
@@ -180,16 +174,7 @@ impl ModelWork {
                 turn: 0,
                 name,
                 views: source,
-                size: table.size,
-                frames: table.frames,
-                settings: RenderSettings {
-                    strength: table.strength,
-                    supersampling: table.supersampling,
-                    keep: table.keep_color,
-                    mask: table.mask.clone(),
-                },
-                depth: table.depth,
-                side_by_side: table.side_by_side,
+                table: Rc::clone(table),
                 items,
             });
         }
@@ -357,7 +342,11 @@ mod tests {
                 .unwrap_err()
                 .contains("without depth")
         );
-        assert!(plan(&styled).unwrap().models[0].groups[0].side_by_side);
+        assert!(
+            plan(&styled).unwrap().models[0].groups[0]
+                .table
+                .side_by_side
+        );
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub fn run(
     };
     for group in &work.groups {
         let model = &renderer.known.model;
-        match views(model, &group.views, group.size, group.frames) {
+        match views(model, &group.views, group.table.size, group.table.frames) {
             Ok(views) => renderer.render(group, &views, shard, report),
             Err(error) => report.all_failed(&group.items, &error),
         }
@@ -197,18 +197,17 @@ impl ModelRenderer<'_> {
         if missing.is_empty() {
             return Ok(());
         }
-        let model = &self.known.model;
+        let (model, settings) = (&self.known.model, group.table.settings());
         let coats = missing.iter().map(|&i| {
             let look = self.styles[group.items[i].style].look.clone().flatten();
-            look.map(|look| group.settings.coat(model, look))
-                .transpose()
+            look.map(|look| settings.coat(model, look)).transpose()
         });
         let coats = coats.collect::<Result<Vec<Option<Coat>>, _>>()?;
-        let original: Option<&[Coat]> = group.side_by_side.then_some(&[]);
+        let original: Option<&[Coat]> = group.table.side_by_side.then_some(&[]);
         let painted = coats.iter().map(Option::as_slice);
         let lists: Vec<&[Coat]> = original.into_iter().chain(painted).collect();
         let first = lists.len() - coats.len();
-        let rendered = model.render_coats(&view.camera, &lists, group.settings.supersampling);
+        let rendered = model.render_coats(&view.camera, &lists, group.table.supersampling);
         for (look, &i) in missing.iter().enumerate() {
             let Some(opened) = open[i].as_mut() else {
                 continue;
@@ -234,7 +233,7 @@ impl ModelRenderer<'_> {
     /// What the frames of a group's item show.
     fn layout(&self, group: &ViewGroup, item: usize) -> FrameLayout {
         let style = &self.styles[group.items[item].style].source.name;
-        if group.side_by_side {
+        if group.table.side_by_side {
             FrameLayout::side_by_side(vec![style.clone()])
         } else {
             FrameLayout::Each(Vec::new())
@@ -250,11 +249,17 @@ impl ModelRenderer<'_> {
         let item = &group.items[index];
         let style = self.styles[item.style].distinguished()?;
         let layout = self.layout(group, index);
-        let (cameras, job) = (self.known).job(&style, views, &group.settings, &layout, group.depth);
+        let (cameras, job) = (self.known).job(
+            &style,
+            views,
+            &group.table.settings(),
+            &layout,
+            group.table.depth,
+        );
         let contents = SharedFrames {
             layout: &layout,
             frames: views.len(),
-            depth: group.depth,
+            depth: group.table.depth,
             cameras: &cameras,
             job: &job,
         };

@@ -40,8 +40,8 @@ pub fn warnings(
 }
 
 fn of_capture(scene: &Scene, found: &Inspection) -> Vec<Warning> {
-    let loading = scene.warnings.iter().map(|told| {
-        let (problem, advice) = told.split_once("; ").unwrap_or((told, "see the manual"));
+    let loading = scene.warnings.iter().map(|text| {
+        let (problem, advice) = text.split_once("; ").unwrap_or((text, "see the manual"));
         Warning {
             problem: problem.to_owned(),
             advice: advice.to_owned(),

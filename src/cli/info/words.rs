@@ -21,7 +21,7 @@ pub fn report(info: &CaptureInfo) -> String {
         heading(info),
         problems(&info.found, &info.warnings),
         views(info),
-        looks(&info.found),
+        appearance(&info.found),
         cost(&info.training, info.downscale),
         picture(info),
     ];
@@ -73,7 +73,7 @@ fn problems(found: &Inspection, warnings: &[Warning]) -> String {
     text
 }
 
-/// Lenses, cameras, overlap and points.
+/// Photos, lenses and cameras; overlap and points.
 fn views(info: &CaptureInfo) -> String {
     let found = &info.found;
     let mut text = String::new();
@@ -100,6 +100,13 @@ fn views(info: &CaptureInfo) -> String {
         "Cameras: {}; within {x} × {y} × {z} of the capture's units (across, along, up)",
         walk(found)
     );
+    text + &overlap(info)
+}
+
+/// How much of each other photos show, and how many points.
+fn overlap(info: &CaptureInfo) -> String {
+    let found = &info.found;
+    let mut text = String::new();
     let usual = |of: fn(&PhotoFacts) -> f64| median(found.per_photo.iter().map(of));
     let least = found
         .per_photo
@@ -148,7 +155,7 @@ fn walk(found: &Inspection) -> String {
 }
 
 /// Sharpness and exposure, for those who judge by themselves.
-fn looks(found: &Inspection) -> String {
+fn appearance(found: &Inspection) -> String {
     let ordered = |of: fn(&PhotoFacts) -> Option<f64>| {
         let measured = found.per_photo.iter();
         let mut all: Vec<(f64, &str)> = measured
@@ -266,7 +273,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_told_as_exactly_as_they_are_known() {
+    fn numbers_are_as_exact_as_they_are_known() {
         assert_eq!(
             [0, 7, 99, 4_731, 350_000].map(rounded),
             [0, 7, 99, 4_700, 350_000]
@@ -276,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn long_schedules_are_told_in_days() {
+    fn long_schedules_are_in_days() {
         let estimate = |seconds| Estimate {
             seconds,
             steps: Some([250_000, 100_000]),

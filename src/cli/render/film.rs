@@ -154,10 +154,10 @@ mod tests {
             output: &frames,
             ffmpeg: FfmpegProgram::new("ffmpeg".as_ref()),
         };
-        let mut told = Vec::new();
-        let made = film(&model, &job, &mut |part| told.push(part), &Stop::default());
+        let mut parts = Vec::new();
+        let made = film(&model, &job, &mut |part| parts.push(part), &Stop::default());
         assert_eq!(made.unwrap(), frames);
-        assert_eq!(told, [0.2, 0.4, 0.6, 0.8, 1.0]);
+        assert_eq!(parts, [0.2, 0.4, 0.6, 0.8, 1.0]);
 
         let text = path.to_nerfstudio(&model.file.scene.normalisation).unwrap();
         fs::write(at("path.json"), text).unwrap();

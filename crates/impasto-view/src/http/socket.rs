@@ -90,7 +90,7 @@ type End = Option<(u16, &'static str)>;
 impl Talk {
     async fn go_on(mut self, mut inbox: Receiver<Outgoing>) {
         let mut ping = interval(PING);
-        let mut heard = Instant::now();
+        let mut last_sign = Instant::now();
         let mut closing = self.studio.closing.clone();
         let reading = self.studio.limits.reading;
         let end: End = loop {
@@ -103,16 +103,17 @@ impl Talk {
                     None => Err(None),
                 },
                 incoming = self.socket.recv() => {
-                    heard = Instant::now();
+                    last_sign = Instant::now();
                     match incoming {
-                        Some(Ok(message)) => self.hear(message).await,
-                        Some(Err(error)) => self.misheard(&error).await,
+                        Some(Ok(message)) => self.receive(message).await,
+                        Some(Err(error)) => self.refuse(&error).await,
                         None => Err(None),
                     }
                 }
-                _ = ping.tick() => match heard.elapsed() > SILENCE {
-                    true => Err(None),
-                    false => send(&mut self.socket, reading, Raw::Ping(Default::default())).await,
+                _ = ping.tick() => if last_sign.elapsed() > SILENCE {
+                    Err(None)
+                } else {
+                    send(&mut self.socket, reading, Raw::Ping(Default::default())).await
                 },
                 _ = is_closing(&mut closing) => {
                     Err(Some((GOING_AWAY, "the studio closes")))
@@ -127,7 +128,7 @@ impl Talk {
         }
     }
 
-    async fn hear(&mut self, message: Raw) -> Result<(), End> {
+    async fn receive(&mut self, message: Raw) -> Result<(), End> {
         let heard = match message {
             Raw::Text(text) => Message::read(&text).and_then(|message| {
                 let heard = self.seat.clients.receive(self.seat.id, message);
@@ -149,7 +150,8 @@ impl Talk {
         Ok(())
     }
 
-    async fn misheard(&mut self, error: &axum::Error) -> Result<(), End> {
+    /// What a message that cannot be read ends the talk with.
+    async fn refuse(&mut self, error: &axum::Error) -> Result<(), End> {
         let text = error.to_string();
         if !text.contains("too long") {
             return Err(None);
