@@ -37,6 +37,4 @@ pub use model_painter::ModelPainter;
 pub use options::{Limits, ViewOptions};
 pub use painter::{Painter, Pictures, SceneFacts, ViewGeometry};
 pub use server::{Opening, Server};
-pub use workshop::{
-    ExportOrder, FilmOrder, Formats, Made, NoWorkshop, PaintOrder, Progress, Workshop,
-};
+pub use workshop::{ExportOrder, FilmOrder, Formats, Made, PaintOrder, Progress, Workshop};

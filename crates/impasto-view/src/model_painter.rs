@@ -71,15 +71,12 @@ impl Painter for ModelPainter {
 
     fn facts(&self) -> SceneFacts {
         let scene = &self.model.file.scene;
-        let photos = scene.photos.iter();
         SceneFacts {
             name: scene.name.clone(),
             synthetic: scene.synthetic,
             styled: self.model.has_style(),
             normalisation: scene.normalisation,
-            photos: photos
-                .map(|photo| (photo.name.clone(), photo.split, photo.camera))
-                .collect(),
+            photos: scene.photos.clone(),
         }
     }
 

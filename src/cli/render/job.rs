@@ -12,7 +12,7 @@ use impasto_train::MODEL_FILE;
 use serde_json::{Value, json};
 
 use super::settings::RenderSettings;
-use super::styles::{Mixture, Paint, Styles};
+use super::styles::{Mixture, PaintMode, Styles};
 use crate::cli::CliError;
 use crate::output::{FrameLayout, Viewpoint, cameras};
 
@@ -86,8 +86,8 @@ impl KnownModel {
 /// What distinguishes styles from others: as of mixtures; how coats go on each other, too.
 pub fn distinguished(styles: &Styles) -> Value {
     let coats = match &styles.paint {
-        Paint::Mixtures(mixtures) => return distinguished_mixtures(mixtures),
-        Paint::Coats(coats) => coats,
+        PaintMode::Mixtures(mixtures) => return distinguished_mixtures(mixtures),
+        PaintMode::Coats(coats) => coats,
     };
     let entry = |(spec, images): &(CoatSpec, Vec<RgbImage>)| {
         let weights: Vec<f32> = spec.paintings.iter().map(|p| p.weight).collect();

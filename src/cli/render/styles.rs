@@ -18,13 +18,13 @@ use crate::cli::progress::TimedBar;
 /// The paintings, read, and what to do with them.
 pub struct Styles {
     /// How the scene is painted.
-    pub paint: Paint,
+    pub paint: PaintMode,
     /// What is to be said of those paintings that are generated.
     pub generated: Vec<String>,
 }
 
 /// How the scene is painted.
-pub enum Paint {
+pub enum PaintMode {
     /// In one look after the other.
     Mixtures(Vec<Mixture>),
     /// In coats, one over the other, each with its paintings.
@@ -107,7 +107,7 @@ impl Styles {
             }]
         };
         let labels = args.iter().filter_map(|style| style.painting.label());
-        Ok(Self::new(Paint::Mixtures(mixtures), labels.collect()))
+        Ok(Self::new(PaintMode::Mixtures(mixtures), labels.collect()))
     }
 
     /// Reads a file of coats and their paintings, whose paths are relative to it.
@@ -130,10 +130,10 @@ impl Styles {
             }
             read.push((coat, paintings));
         }
-        Ok(Self::new(Paint::Coats(read), labels))
+        Ok(Self::new(PaintMode::Coats(read), labels))
     }
 
-    fn new(paint: Paint, mut generated: Vec<String>) -> Self {
+    fn new(paint: PaintMode, mut generated: Vec<String>) -> Self {
         generated.dedup();
         Self { paint, generated }
     }
@@ -141,16 +141,16 @@ impl Styles {
     /// Names of the variants.
     pub fn names(&self) -> Vec<String> {
         match &self.paint {
-            Paint::Mixtures(mixtures) => mixtures.iter().map(|one| one.name.clone()).collect(),
-            Paint::Coats(_) => vec!["coats".into()],
+            PaintMode::Mixtures(mixtures) => mixtures.iter().map(|one| one.name.clone()).collect(),
+            PaintMode::Coats(_) => vec!["coats".into()],
         }
     }
 
     /// All paintings of mixtures.
     pub fn paintings(&self) -> impl Iterator<Item = &RgbImage> {
         let mixtures = match &self.paint {
-            Paint::Mixtures(mixtures) => mixtures.as_slice(),
-            Paint::Coats(_) => &[],
+            PaintMode::Mixtures(mixtures) => mixtures.as_slice(),
+            PaintMode::Coats(_) => &[],
         };
         let paintings = mixtures.iter().flat_map(|mixture| &mixture.paintings);
         paintings.map(|(painting, _)| painting)
@@ -158,7 +158,7 @@ impl Styles {
 
     /// Whether the scene is left as photographed.
     pub fn is_empty(&self) -> bool {
-        matches!(self.paint, Paint::Mixtures(_)) && self.paintings().next().is_none()
+        matches!(self.paint, PaintMode::Mixtures(_)) && self.paintings().next().is_none()
     }
 
     /// The coats of each variant: the looks that the model gives them, each refined for so long, put
@@ -170,8 +170,8 @@ impl Styles {
         settings: &RenderSettings,
     ) -> Result<Vec<Vec<Coat>>, CliError> {
         let mixtures = match &self.paint {
-            Paint::Mixtures(mixtures) => mixtures,
-            Paint::Coats(specs) => {
+            PaintMode::Mixtures(mixtures) => mixtures,
+            PaintMode::Coats(specs) => {
                 let specs = specs.iter();
                 let specs = specs.map(|(spec, images)| (spec, images.iter().collect()));
                 return Ok(vec![coats_of(model, specs)?]);
