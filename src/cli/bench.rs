@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::device::DeviceArgs;
 use super::values::size;
-use super::{Answer, CliError, to_json};
+use super::{CliError, CommandOutput, to_json};
 
 /// Time the kernels on this machine, beside its peak and the plain tensor library
 #[derive(Debug, Args)]
@@ -31,24 +31,26 @@ pub struct BenchArgs {
 const VIEWS: usize = 5;
 
 /// Runs the command.
-pub fn run(args: &BenchArgs) -> Result<Answer, CliError> {
+pub fn run(args: &BenchArgs) -> Result<CommandOutput, CliError> {
     let opened = args.device.open_named()?;
     if let Some(path) = &args.model {
         let model = Model::load_on(path, opened.device.clone())?;
         return render(&model, &opened.device, args.size);
     }
-    let report = match is_cpu(&opened.device) {
-        true => measure(),
-        false => run_on(&opened.device, &opened.name),
+    let report = if is_cpu(&opened.device) {
+        measure()
+    } else {
+        run_on(&opened.device, &opened.name)
     };
-    Ok(Answer {
+    Ok(CommandOutput {
         text: table(&report),
         json: to_json(&report),
     })
 }
 
 /// Times views of the first camera, and the change to a style whose code is known.
-fn render(model: &Model, device: &Device, (width, height): (u32, u32)) -> Result<Answer, CliError> {
+fn render(model: &Model, device: &Device, size: (u32, u32)) -> Result<CommandOutput, CliError> {
+    let (width, height) = size;
     let camera = model.file.scene.photos.first().map(|photo| &photo.camera);
     let camera = camera.ok_or_else(|| CliError::Refused("this model has no cameras".into()))?;
     let camera = camera.resized(width, height);
@@ -67,7 +69,7 @@ fn render(model: &Model, device: &Device, (width, height): (u32, u32)) -> Result
     let text = switch.map_or(String::new(), |s| {
         format!(", another style in {:.1} ms", 1e3 * s)
     });
-    Ok(Answer {
+    Ok(CommandOutput {
         text: format!(
             "{what} views of {width}×{height}: {:.2} a second{text}",
             1.0 / frame

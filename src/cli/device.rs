@@ -46,7 +46,7 @@ fn watch(name: &str) {
     if GPU.set(name.to_owned()).is_err() {
         return;
     }
-    let told = std::env::var_os("RUST_BACKTRACE").is_some();
+    let with_backtrace = std::env::var_os("RUST_BACKTRACE").is_some();
     let default = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |failure| {
         if !is_the_gpus(failure) {
@@ -56,7 +56,7 @@ fn watch(name: &str) {
         let mut first = FAILURE.lock().unwrap_or_else(PoisonError::into_inner);
         first.get_or_insert_with(|| text.to_owned());
         drop(first);
-        if told {
+        if with_backtrace {
             default(failure);
         }
     }));
@@ -95,8 +95,8 @@ pub fn guarded<T>(run: impl FnOnce() -> Result<T, CliError>) -> Result<T, CliErr
 /// The last cause of several that were told one below the other.
 fn innermost(failure: &str) -> &str {
     let last = failure.rsplit_once("Caused by:");
-    let told = last.map_or(failure, |(_, cause)| cause);
-    let mut lines = told.lines().map(str::trim);
+    let cause = last.map_or(failure, |(_, cause)| cause);
+    let mut lines = cause.lines().map(str::trim);
     lines.find(|line| !line.is_empty()).unwrap_or(failure)
 }
 

@@ -15,7 +15,7 @@ use impasto::scene::paths::PathError;
 use impasto::view::ViewError;
 use impasto::{CoatError, NoDevice, StyleError, TrainError};
 
-use super::Answer;
+use super::CommandOutput;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -31,7 +31,7 @@ pub enum CliError {
         "some of the batch failed, see above; mend it and run the same command again, what is done \
          is kept"
     )]
-    SomeFailed(Box<Answer>),
+    SomeFailed(Box<CommandOutput>),
     /// Styles for a model without any.
     #[error("this model has learned no styles; train it with --stage style first")]
     Unstyled,

@@ -1,10 +1,10 @@
 //! `impasto eval`: how faithful a model's styles are, and how well its frames agree.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use impasto::Budget;
 use impasto::eval::consistency::Consistency;
 use impasto::eval::methods::Stylizer;
 use impasto::eval::report::{EvalReport, Settings};
@@ -12,24 +12,21 @@ use impasto::eval::{
     EvalOptions, Evaluation, FailedGuard, MethodResult, PHOTO, Reconstruct, RecordPlan, evaluate,
     small_orbit,
 };
-use impasto::{Budget, Model, read_paintings};
 use impasto_bench::Machine;
 use serde_json::Value;
 
 use super::device::DeviceArgs;
-use super::methods::MethodArgs;
+use super::methods::{JudgedArgs, MethodArgs};
+use super::progress::FrameProgress;
 use super::values::{clock, duration};
-use super::{Answer, CliError, progress, run_facts, to_json};
+use super::{CliError, CommandOutput, run_facts, to_json};
 use crate::output::{Staging, check_folder};
 
 /// Measure how well a model takes on paintings it never saw, and how well its frames agree
 #[derive(Debug, Args)]
 pub struct EvalArgs {
-    /// A model folder
-    model: PathBuf,
-    /// Folder of paintings, sub-folders included, best ones that the model was not trained on
-    #[arg(long, value_name = "DIR")]
-    styles: PathBuf,
+    #[command(flatten)]
+    judged: JudgedArgs,
     #[command(flatten)]
     methods: MethodArgs,
     /// Also refine each painting's look for this long, e.g. 15s, as a method of its own; see render
@@ -63,13 +60,12 @@ pub struct EvalArgs {
 const LONGEST: u32 = 400;
 
 /// Runs the command.
-pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
+pub fn run(args: &EvalArgs) -> Result<CommandOutput, CliError> {
     let start = Instant::now();
     if let Some(folder) = &args.output {
         check_folder(folder)?;
     }
-    let model = Model::load_on(&args.model, args.device.open()?)?;
-    let read = read_paintings(&args.styles).map_err(CliError::read(&args.styles))?;
+    let (model, read) = args.judged.load(args.device.open()?)?;
     let path = small_orbit(&model, args.frames, LONGEST)?;
     let opened = args.methods.open()?;
     let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();
@@ -85,7 +81,7 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
             paintings: args.reconstruct_paintings as usize,
         }),
     };
-    let mut bar = progress::Frames::titled("evaluate", options.pictures(&model));
+    let mut bar = FrameProgress::new("evaluate", options.pictures(&model));
     let evaluation = evaluate(&model, &options, &mut || bar.tick())?;
     drop(bar);
     let unreadable: Vec<PathBuf> = read.unreadable.into_iter().map(|(path, _)| path).collect();
@@ -108,14 +104,14 @@ pub fn run(args: &EvalArgs) -> Result<Answer, CliError> {
         let page = write(folder, &report, &json)?;
         text += &format!("\nreport: {}", page.display());
     }
-    Ok(Answer { text, json })
+    Ok(CommandOutput { text, json })
 }
 
 fn settings(args: &EvalArgs, options: &EvalOptions<'_>) -> Settings {
     let size = options.path.first().map(|camera| camera.intrinsics);
     Settings {
-        model: args.model.clone(),
-        styles: args.styles.clone(),
+        model: args.judged.model.clone(),
+        styles: args.judged.styles.clone(),
         paintings: options.paintings.len(),
         frames: options.path.len(),
         frame_size: size.map(|k| [k.width, k.height]),
@@ -137,8 +133,7 @@ fn write(folder: &Path, report: &EvalReport<'_>, json: &Value) -> Result<PathBuf
     ];
     let mut staging = Staging::new(folder)?;
     for (name, text) in files {
-        let path = staging.file(name)?;
-        fs::write(&path, text).map_err(CliError::write(&path))?;
+        staging.write(name, text)?;
     }
     staging.commit()?;
     Ok(page)

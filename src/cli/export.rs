@@ -10,10 +10,10 @@ use serde_json::json;
 
 use super::device::DeviceArgs;
 use super::painting::StyleArg;
-use super::progress::Share;
+use super::progress::TimedBar;
 use super::render::{RenderSettings, Styles};
-use super::values::{clock, size};
-use super::{Answer, CliError, interrupt};
+use super::values::{clock, has_ending, size};
+use super::{CliError, CommandOutput, interrupt, of_synthetic};
 use crate::output::{check_folder, parent};
 
 /// Export a model's surfaces, as photographed or painted, for other programs
@@ -73,10 +73,9 @@ impl Kind {
 }
 
 /// Runs the command.
-pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
+pub fn run(args: &ExportArgs) -> Result<CommandOutput, CliError> {
     let start = Instant::now();
-    let ending = args.output.extension();
-    if args.output.is_dir() || !ending.is_some_and(|e| e.eq_ignore_ascii_case("ply")) {
+    if !has_ending(&args.output, "ply") {
         return Err(CliError::Usage(
             "an export is one file: give -o FILE.ply".into(),
         ));
@@ -86,16 +85,13 @@ pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
             "an export has one look: give each --style a weight (IMAGE:0.5) to mix them".into(),
         ));
     }
-    let styles = match &args.coats {
-        Some(path) => Styles::read_coats(path)?,
-        None => Styles::read(&args.styles)?,
-    };
+    let styles = Styles::load(&args.styles, args.coats.as_deref())?;
     check_folder(&parent(&args.output))?;
     let model = Model::load_on(&args.model, args.device.open()?)?;
     let mut variants = styles.variants(&model, None, &args.settings)?;
-    let coats = variants.pop().map(|v| v.coats).unwrap_or_default();
+    let coats = variants.pop().unwrap_or_default();
 
-    let mut bar = Share::new("export");
+    let mut bar = TimedBar::new("export");
     let mut progress = |what: &'static str, share: f64| bar.show(share, what);
     let stop = interrupt::stop("stopping; nothing is written; once more leaves at once");
     let mut watch = Watch {
@@ -112,25 +108,17 @@ pub fn run(args: &ExportArgs) -> Result<Answer, CliError> {
         Kind::Points => export_points(&views, &args.output, &mut watch)?,
     };
     drop(bar);
-    Ok(answer(
-        args,
-        &views,
-        &exported,
-        start.elapsed().as_secs_f64(),
-    ))
+    let seconds = start.elapsed().as_secs_f64();
+    Ok(output(args, &views, &exported, seconds))
 }
 
-fn answer(args: &ExportArgs, views: &Views, exported: &Exported, seconds: f64) -> Answer {
+fn output(args: &ExportArgs, views: &Views, exported: &Exported, seconds: f64) -> CommandOutput {
     let synthetic = views.synthetic;
-    let kind = if synthetic {
-        " of a synthetic scene"
-    } else {
-        ""
-    };
+    let kind = of_synthetic(synthetic);
     let quality = exported.psnr.map_or(String::new(), |psnr| {
         format!(", {psnr:.1} dB from the model's own pictures")
     });
-    Answer {
+    CommandOutput {
         text: format!(
             "{} {}{kind} ({:.1} MB{quality}) in {}: {}",
             exported.count,

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use impasto::eval::methods::{AdaIn, Stylizer, Wct};
+use impasto::{Device, Model, read_paintings};
+use impasto_train::Paintings;
 
 use super::CliError;
 
@@ -29,6 +31,25 @@ enum Against {
     Adain,
     /// Whitening and colouring at four levels, frame by frame, and as a video
     Wct,
+}
+
+/// A model, and paintings to judge it by.
+#[derive(Debug, Args)]
+pub struct JudgedArgs {
+    /// A model folder
+    pub model: PathBuf,
+    /// Folder of paintings, sub-folders included, best ones that the model was not trained on
+    #[arg(long, value_name = "DIR")]
+    pub styles: PathBuf,
+}
+
+impl JudgedArgs {
+    /// Reads both.
+    pub fn load(&self, device: Device) -> Result<(Model, Paintings), CliError> {
+        let model = Model::load_on(&self.model, device)?;
+        let paintings = read_paintings(&self.styles).map_err(CliError::read(&self.styles))?;
+        Ok((model, paintings))
+    }
 }
 
 impl MethodArgs {

@@ -1,7 +1,8 @@
-//! The command line. A command is one file: its arguments and how they become an [`Answer`].
+//! The command line. A command is one file: its arguments and how they become a [`CommandOutput`].
 
 mod batch;
 mod bench;
+mod command_output;
 mod console;
 mod demo;
 mod device;
@@ -27,13 +28,13 @@ mod values;
 mod view;
 mod weights;
 
+pub use command_output::{CommandOutput, of_synthetic, to_json};
 pub use error::CliError;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use impasto::TrainError;
-use serde_json::Value;
 
 /// Photos of a place become a 3-D scene that can be repainted with any painting
 #[derive(Debug, Parser)]
@@ -64,32 +65,10 @@ enum Command {
     Bench(bench::BenchArgs),
 }
 
-/// What a command has to say in the end, for people and for programs.
-#[derive(Debug)]
-pub struct Answer {
-    text: String,
-    json: Value,
-}
-
-impl Answer {
-    fn print(&self, as_json: bool) {
-        match as_json {
-            true => console::result(&self.json.to_string()),
-            false => console::result(&self.text),
-        }
-    }
-}
-
-/// A plain structure as JSON. Numbers that JSON lacks (NaN, infinity) become `null`.
-pub fn to_json(structure: &impl serde::Serialize) -> Value {
-    // Structures with text keys, for which this cannot fail.
-    serde_json::to_value(structure).unwrap_or_default()
-}
-
 /// Runs the process's command line.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let answer = device::guarded(|| match &cli.command {
+    let output = device::guarded(|| match &cli.command {
         Command::Demo(args) => demo::run(args),
         Command::Prepare(args) => prepare::run(args),
         Command::Train(args) => train::run(args),
@@ -105,15 +84,15 @@ pub fn main() -> ExitCode {
         Command::Weights(args) => weights::run(args),
         Command::Bench(args) => bench::run(args),
     });
-    match answer {
-        Ok(answer) => answer.print(cli.json),
+    match output {
+        Ok(output) => output.print(cli.json),
         Err(error) => {
             match &error {
                 CliError::Train(TrainError::Stopped { .. }) => {
                     console::note(format_args!("{error}:\n  {}", run_facts::resuming()));
                 }
-                CliError::SomeFailed(answer) => {
-                    answer.print(cli.json);
+                CliError::SomeFailed(output) => {
+                    output.print(cli.json);
                     console::error(&error);
                 }
                 _ => console::error(&error),

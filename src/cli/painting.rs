@@ -88,9 +88,10 @@ impl FromStr for StyleArg {
 
     fn from_str(text: &str) -> Result<Self, String> {
         // The number of a generated painting is no weight.
-        let first = match text.starts_with(RANDOM) {
-            true => RANDOM.len(),
-            false => 0,
+        let first = if text.starts_with(RANDOM) {
+            RANDOM.len()
+        } else {
+            0
         };
         let split = text[first..]
             .rsplit_once(':')

@@ -8,8 +8,9 @@ use impasto::prepare::{
 };
 
 use super::ffmpeg::FfmpegArgs;
+use super::progress::PrepareProgress;
 use super::values::clock;
-use super::{Answer, CliError, progress};
+use super::{CliError, CommandOutput, to_json};
 
 /// Compute camera poses for raw photos or a video, with the installed COLMAP
 ///
@@ -70,7 +71,7 @@ enum CamerasArg {
 }
 
 /// Runs the command.
-pub fn run(args: &PrepareArgs) -> Result<Answer, CliError> {
+pub fn run(args: &PrepareArgs) -> Result<CommandOutput, CliError> {
     let options = PrepareOptions {
         input: args.input.clone(),
         scene: args.output.clone(),
@@ -88,12 +89,12 @@ pub fn run(args: &PrepareArgs) -> Result<Answer, CliError> {
         colmap: args.colmap.clone(),
         ffmpeg: args.ffmpeg.program.clone(),
     };
-    let mut progress = progress::Preparing::default();
+    let mut progress = PrepareProgress::default();
     let summary = prepare(&options, &mut |event| progress.show(event))?;
     drop(progress);
-    Ok(Answer {
+    Ok(CommandOutput {
         text: describe(&summary),
-        json: super::to_json(&summary),
+        json: to_json(&summary),
     })
 }
 
@@ -151,10 +152,10 @@ fn times(seconds: &Seconds) -> String {
         ("matching", seconds.matching),
         ("mapping", seconds.mapping),
     ];
-    let told: Vec<String> = parts
+    let measured: Vec<String> = parts
         .into_iter()
         .filter(|(_, seconds)| *seconds > 0.0)
         .map(|(name, seconds)| format!("{name} {}", clock(seconds)))
         .collect();
-    format!("{} in all: {}", clock(seconds.all), told.join(", "))
+    format!("{} in all: {}", clock(seconds.all), measured.join(", "))
 }

@@ -16,15 +16,16 @@ const QUIET: Duration = Duration::from_secs(10);
 const FULL: u64 = 1000;
 
 /// A bar, or its lines.
-struct Face {
+pub struct Bar {
     title: String,
-    bar: Option<ProgressBar>,
+    drawn: Option<ProgressBar>,
     spoke: Option<Instant>,
 }
 
-impl Face {
-    fn new(title: &str) -> Self {
-        let bar = stderr().is_terminal().then(|| {
+impl Bar {
+    /// Begins.
+    pub fn new(title: &str) -> Self {
+        let drawn = stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(FULL).with_prefix(title.to_owned());
             // A mistake in the template costs its looks, not the run.
             let style = ProgressStyle::with_template("{prefix:>8} {bar:24} {percent:>3} %  {msg}")
@@ -34,13 +35,14 @@ impl Face {
         });
         Self {
             title: title.to_owned(),
-            bar,
+            drawn,
             spoke: None,
         }
     }
 
-    fn show(&mut self, progress: f64, message: String) {
-        if let Some(bar) = &self.bar {
+    /// Shows the part that is done, from 0 to 1, and more about it.
+    pub fn show(&mut self, progress: f64, message: String) {
+        if let Some(bar) = &self.drawn {
             bar.set_position((progress * FULL as f64) as u64);
             bar.set_message(message);
         } else if self.spoke.is_none_or(|at| at.elapsed() >= QUIET) {
@@ -55,59 +57,36 @@ impl Face {
 
     /// A line that stays above the bar.
     fn say(&self, text: &str) {
-        match &self.bar {
+        match &self.drawn {
             Some(bar) => bar.suspend(|| note(text)),
             None => note(text),
         }
     }
 }
 
-impl Drop for Face {
+impl Drop for Bar {
     fn drop(&mut self) {
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.drawn {
             bar.finish_and_clear();
         }
     }
 }
 
-/// Shows how much of a file has arrived.
-pub struct Download {
-    face: Face,
-    length: u64,
-}
-
-impl Download {
-    /// Of a file of about `length` bytes.
-    pub fn new(length: u64) -> Self {
-        Self {
-            face: Face::new("download"),
-            length,
-        }
-    }
-
-    /// Shows that `bytes` are there.
-    pub fn show(&mut self, bytes: u64) {
-        let progress = (bytes as f64 / self.length as f64).min(1.0);
-        self.face
-            .show(progress, format!("{:.0} MB", bytes as f64 / 1e6));
-    }
-}
-
 /// Shows training by its events alone.
 #[derive(Default)]
-pub struct Training {
-    face: Option<Face>,
+pub struct TrainingProgress {
+    bar: Option<Bar>,
     /// Statistics are being measured, or an encoder is being trained.
-    preparation: Option<Face>,
+    preparation: Option<Bar>,
     psnr: Option<f64>,
 }
 
-impl Training {
+impl TrainingProgress {
     /// Shows one event.
     pub fn show(&mut self, event: &Event) {
         match event {
             Event::StageStarted { stage, .. } => {
-                self.face = Some(Face::new(match stage {
+                self.bar = Some(Bar::new(match stage {
                     Stage::Geometry => "geometry",
                     Stage::Style => "style",
                 }));
@@ -124,11 +103,18 @@ impl Training {
                 let message = format!("step {step}  error {error:.4}");
                 self.prepare("encoder", *step as usize, *steps as usize, message);
             }
-            Event::Step { progress, .. } => {
+            Event::Step {
+                progress,
+                loss,
+                rate,
+                rays_per_second,
+                eta,
+                ..
+            } => {
                 self.preparation = None;
-                let message = self.measures(event);
-                if let Some(face) = &mut self.face {
-                    face.show(*progress, message);
+                let message = self.measures(*loss, *rate, *rays_per_second, *eta);
+                if let Some(bar) = &mut self.bar {
+                    bar.show(*progress, message);
                 }
             }
             Event::Validation { psnr, .. } => {
@@ -136,7 +122,7 @@ impl Training {
                 self.say(event);
             }
             Event::Done { .. } => {
-                self.face = None;
+                self.bar = None;
                 self.preparation = None;
                 self.say(event);
             }
@@ -145,41 +131,35 @@ impl Training {
     }
 
     fn prepare(&mut self, title: &str, done: usize, planned: usize, message: String) {
-        let face = self.preparation.take().filter(|face| face.title == title);
-        let mut face = face.unwrap_or_else(|| Face::new(title));
-        face.show(done as f64 / planned.max(1) as f64, message);
-        self.preparation = Some(face);
+        let bar = self.preparation.take().filter(|bar| bar.title == title);
+        let bar = self
+            .preparation
+            .insert(bar.unwrap_or_else(|| Bar::new(title)));
+        bar.show(done as f64 / planned.max(1) as f64, message);
     }
 
-    fn measures(&self, event: &Event) -> String {
-        let Event::Step {
-            loss,
-            rate,
-            rays_per_second,
-            eta,
-            ..
-        } = event
-        else {
-            return String::new();
-        };
-        let psnr = self
-            .psnr
-            .map_or_else(String::new, |psnr| format!("  PSNR {psnr:.2} dB"));
+    fn measures(&self, loss: f64, rate: f64, rays_per_second: f64, eta: f64) -> String {
+        let psnr = self.psnr;
+        let psnr = psnr.map_or_else(String::new, |psnr| format!("  PSNR {psnr:.2} dB"));
         let rays = rays_per_second / 1e3;
         format!(
             "{rate:.1} it/s  {rays:.0}k rays/s  loss {loss:.4}{psnr}  ETA {}",
-            clock(*eta)
+            clock(eta)
         )
     }
 
     fn say(&self, event: &Event) {
-        let Some(sentence) = sentence(event) else {
-            return;
-        };
-        match self.preparation.as_ref().or(self.face.as_ref()) {
-            Some(face) => face.say(&sentence),
-            None => note(sentence),
+        if let Some(sentence) = sentence(event) {
+            say(self.preparation.as_ref().or(self.bar.as_ref()), &sentence);
         }
+    }
+}
+
+/// A line, above the bar if there is one.
+fn say(bar: Option<&Bar>, text: &str) {
+    match bar {
+        Some(bar) => bar.say(text),
+        None => note(text),
     }
 }
 
@@ -225,17 +205,17 @@ fn sentence(event: &Event) -> Option<String> {
     })
 }
 
-/// Shows what share of something is done.
-pub struct Share {
-    face: Face,
+/// Shows what share of something is done, and how long the rest takes.
+pub struct TimedBar {
+    bar: Bar,
     start: Instant,
 }
 
-impl Share {
+impl TimedBar {
     /// Begins.
     pub fn new(title: &str) -> Self {
         Self {
-            face: Face::new(title),
+            bar: Bar::new(title),
             start: Instant::now(),
         }
     }
@@ -245,29 +225,32 @@ impl Share {
         // Infinite at first, which reads as unknown.
         let left = self.start.elapsed().as_secs_f64() * (1.0 / progress - 1.0);
         let message = format!("{measures}  ETA {}", clock(left));
-        self.face.show(progress, message);
+        self.bar.show(progress, message);
+    }
+
+    /// Shows that so many of a known number of steps are done, with a measure or two.
+    pub fn show_step(&mut self, done: u64, steps: u64, measures: &str) {
+        let progress = done as f64 / steps.max(1) as f64;
+        self.show(progress, &format!("step {done}  {measures}"));
     }
 }
 
 /// Shows how captures are made.
 #[derive(Default)]
-pub struct Preparing {
-    shown: Option<(Phase, Face, Instant)>,
+pub struct PrepareProgress {
+    shown: Option<(Phase, TimedBar)>,
 }
 
-impl Preparing {
+impl PrepareProgress {
     /// Shows one event.
     pub fn show(&mut self, event: &PrepareEvent) {
         match event {
             PrepareEvent::Progress { phase, done, total } => {
-                let shown = self.shown.take().filter(|(shown, ..)| shown == phase);
-                let new = || (*phase, Face::new(phase.name()), Instant::now());
-                let (_, face, start) = self.shown.insert(shown.unwrap_or_else(new));
+                let shown = self.shown.take().filter(|(shown, _)| shown == phase);
+                let new = || (*phase, TimedBar::new(phase.name()));
+                let (_, bar) = self.shown.insert(shown.unwrap_or_else(new));
                 let progress = *done as f64 / *total as f64;
-                // Infinite at first, which reads as unknown.
-                let left = start.elapsed().as_secs_f64() * (1.0 / progress - 1.0);
-                let message = format!("{done} of {total}  ETA {}", clock(left));
-                face.show(progress, message);
+                bar.show(progress, &format!("{done} of {total}"));
             }
             PrepareEvent::Note { message } => self.say(message),
             PrepareEvent::Warning { message } => self.say(&format!("warning: {message}")),
@@ -275,73 +258,34 @@ impl Preparing {
     }
 
     fn say(&self, text: &str) {
-        match &self.shown {
-            Some((_, face, _)) => face.say(text),
-            None => note(text),
-        }
-    }
-}
-
-/// Shows how many of a known number of steps are done.
-pub struct Steps {
-    share: Share,
-    steps: u64,
-}
-
-impl Steps {
-    /// Begins.
-    pub fn new(title: &str, steps: u64) -> Self {
-        Self {
-            share: Share::new(title),
-            steps,
-        }
-    }
-
-    /// Shows that this many are done, with a measure or two.
-    pub fn show(&mut self, done: u64, measures: &str) {
-        let progress = done as f64 / self.steps.max(1) as f64;
-        self.share
-            .show(progress, &format!("step {done}  {measures}"));
+        say(self.shown.as_ref().map(|(_, timed)| &timed.bar), text);
     }
 }
 
 /// Shows how many of a known number of frames are done.
-pub struct Frames {
-    face: Face,
+pub struct FrameProgress {
+    timed: TimedBar,
     done: usize,
     count: usize,
-    start: Instant,
 }
 
-impl Frames {
-    /// Begins to render.
-    pub fn new(count: usize) -> Self {
-        Self::titled("render", count)
-    }
-
-    /// Begins what else makes frames.
-    pub fn titled(title: &str, count: usize) -> Self {
+impl FrameProgress {
+    /// Begins.
+    pub fn new(title: &str, count: usize) -> Self {
         Self {
-            face: Face::new(title),
+            timed: TimedBar::new(title),
             done: 0,
             count,
-            start: Instant::now(),
         }
     }
 
     /// One more is done.
     pub fn tick(&mut self) {
         self.done += 1;
-        let seconds = self.start.elapsed().as_secs_f64();
-        let left = seconds / self.done as f64 * (self.count - self.done.min(self.count)) as f64;
-        let message = format!(
-            "{} of {} frames  ETA {}",
-            self.done,
-            self.count,
-            clock(left)
-        );
-        self.face
-            .show(self.done as f64 / self.count as f64, message);
+        // No more than all: what was planned may be less than what is made.
+        let progress = (self.done as f64 / self.count as f64).min(1.0);
+        let measures = format!("{} of {} frames", self.done, self.count);
+        self.timed.show(progress, &measures);
     }
 }
 
@@ -351,23 +295,12 @@ mod tests {
 
     #[test]
     fn a_step_tells_speed_loss_quality_and_time_left() {
-        let training = Training {
+        let training = TrainingProgress {
             psnr: Some(24.318),
-            ..Training::default()
-        };
-        let step = Event::Step {
-            stage: Stage::Geometry,
-            step: 7,
-            progress: 0.5,
-            loss: 0.012_34,
-            content: None,
-            style: None,
-            rate: 12.34,
-            rays_per_second: 45_600.0,
-            eta: 75.0,
+            ..TrainingProgress::default()
         };
         assert_eq!(
-            training.measures(&step),
+            training.measures(0.012_34, 12.34, 45_600.0, 75.0),
             "12.3 it/s  46k rays/s  loss 0.0123  PSNR 24.32 dB  ETA 1:15"
         );
     }

@@ -9,7 +9,8 @@ use impasto::TrainConfig;
 use impasto::scene::file::read_text;
 use serde_json::Value;
 
-use super::CliError;
+use super::values::{has_ending, line_of};
+use super::{CliError, to_json};
 
 /// Applies `file` (TOML, or JSON when its name ends so) and then `settings`, each `KEY=VALUE`
 /// with a dotted key and a JSON value (anything else is text), to the preset.
@@ -18,7 +19,7 @@ pub fn configure(
     file: Option<&Path>,
     settings: &[String],
 ) -> Result<TrainConfig, CliError> {
-    let mut config = Settings::of(preset)?;
+    let mut config = Settings::of(preset);
     if let Some(path) = file {
         let value = read(path)?;
         config
@@ -39,16 +40,12 @@ pub fn configure(
 
 fn read(path: &Path) -> Result<Value, CliError> {
     let text = read_text(path).map_err(CliError::read(path))?;
-    let json = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    let value = if json {
+    let value = if has_ending(path, "json") {
         serde_json::from_str(&text)
             .map_err(|e| format!("line {}: not valid JSON ({})", e.line(), without_place(&e)))
     } else {
         toml::from_str(&text).map_err(|e| {
-            let before = e.span().and_then(|span| text.get(..span.start));
-            let line = 1 + before.unwrap_or_default().matches('\n').count();
+            let line = line_of(&e, &text).unwrap_or(1);
             format!("line {line}: not valid TOML ({})", e.message())
         })
     };
@@ -77,13 +74,11 @@ struct Settings {
 }
 
 impl Settings {
-    fn of(preset: &TrainConfig) -> Result<Self, CliError> {
-        let value = serde_json::to_value(preset)
-            .map_err(|e| CliError::Refused(format!("the preset cannot be written as JSON: {e}")))?;
-        Ok(Self {
-            value,
+    fn of(preset: &TrainConfig) -> Self {
+        Self {
+            value: to_json(preset),
             checked: preset.clone(),
-        })
+        }
     }
 
     /// Replaces the value at `key` (everything if empty); tables are merged entry by entry.
@@ -91,12 +86,7 @@ impl Settings {
         match new {
             Value::Object(entries) if !self.is_choice(key, entries.keys()) => {
                 for (name, value) in entries {
-                    let below = if key.is_empty() {
-                        name
-                    } else {
-                        format!("{key}.{name}")
-                    };
-                    self.merge(&below, value)?;
+                    self.merge(&below(key, &name), value)?;
                 }
                 Ok(())
             }
@@ -142,15 +132,23 @@ impl Settings {
     }
 }
 
+/// The dotted key of a name in the table at `key`.
+fn below(key: &str, name: &str) -> String {
+    match key {
+        "" => name.to_owned(),
+        key => format!("{key}.{name}"),
+    }
+}
+
 /// A dotted key as a JSON pointer.
 fn pointer(key: &str) -> String {
-    if key.is_empty() {
-        return String::new();
+    match key {
+        "" => String::new(),
+        key => {
+            let key = key.replace('~', "~0").replace('/', "~1");
+            format!("/{}", key.replace('.', "/"))
+        }
     }
-    format!(
-        "/{}",
-        key.replace('~', "~0").replace('/', "~1").replace('.', "/")
-    )
 }
 
 /// All keys that hold a value rather than a table.
@@ -158,12 +156,7 @@ fn leaves(value: &Value, key: &str, into: &mut Vec<String>) {
     match value {
         Value::Object(entries) => {
             for (name, value) in entries {
-                let below = if key.is_empty() {
-                    name.clone()
-                } else {
-                    format!("{key}.{name}")
-                };
-                leaves(value, &below, into);
+                leaves(value, &below(key, name), into);
             }
         }
         _ => into.push(key.to_owned()),

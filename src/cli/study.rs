@@ -1,6 +1,5 @@
 //! `impasto study`: what people say, asked with a page and counted.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
@@ -10,12 +9,12 @@ use impasto::eval::study::{
     summarise,
 };
 use impasto::scene::file::{LARGEST_FILE, read_whole};
-use impasto::{Model, read_paintings};
 use serde_json::json;
 
 use super::device::DeviceArgs;
-use super::methods::MethodArgs;
-use super::{Answer, CliError, console, progress, to_json};
+use super::methods::{JudgedArgs, MethodArgs};
+use super::progress::FrameProgress;
+use super::{CliError, CommandOutput, console, of_synthetic, to_json};
 use crate::output::{Staging, check_folder};
 
 /// What participants open.
@@ -43,11 +42,8 @@ enum StudyCommand {
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 struct MakeArgs {
-    /// A model folder
-    model: PathBuf,
-    /// Folder of paintings, sub-folders included, best ones that the model was not trained on
-    #[arg(long, value_name = "DIR")]
-    styles: PathBuf,
+    #[command(flatten)]
+    judged: JudgedArgs,
     #[command(flatten)]
     methods: MethodArgs,
     /// Frames of a clip, at 12 a second
@@ -91,14 +87,14 @@ struct SummaryArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &StudyArgs) -> Result<Answer, CliError> {
+pub fn run(args: &StudyArgs) -> Result<CommandOutput, CliError> {
     match &args.command {
         StudyCommand::Make(args) => make(args),
         StudyCommand::Summary(args) => summary(args),
     }
 }
 
-fn make(args: &MakeArgs) -> Result<Answer, CliError> {
+fn make(args: &MakeArgs) -> Result<CommandOutput, CliError> {
     if args.methods.is_empty() {
         let usage = "say what to compare with, for example --against adain";
         return Err(CliError::Usage(usage.into()));
@@ -111,8 +107,7 @@ fn make(args: &MakeArgs) -> Result<Answer, CliError> {
             key.display()
         )));
     }
-    let model = Model::load_on(&args.model, args.device.open()?)?;
-    let read = read_paintings(&args.styles).map_err(CliError::read(&args.styles))?;
+    let (model, read) = args.judged.load(args.device.open()?)?;
     let opened = args.methods.open()?;
     let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();
     let options = StudyOptions {
@@ -125,25 +120,24 @@ fn make(args: &MakeArgs) -> Result<Answer, CliError> {
         seed: args.seed,
     };
     let plan = StudyPlan::new(&model, options)?;
-    let mut bar = progress::Frames::new(plan.frames());
+    let mut bar = FrameProgress::new("render", plan.frames());
     let study = plan.make(&model, &mut || bar.tick())?;
     drop(bar);
 
     let mut staging = Staging::new(&args.output)?;
     let text = format!("{:#}\n", to_json(&study.key));
     for (name, text) in [(KEY, &text), (PAGE, &study.page)] {
-        let path = staging.file(name)?;
-        fs::write(&path, text).map_err(CliError::write(&path))?;
+        staging.write(name, text)?;
     }
     staging.commit()?;
     Ok(made(args, &study.key, study.page.len()))
 }
 
-fn made(args: &MakeArgs, key: &StudyKey, bytes: usize) -> Answer {
+fn made(args: &MakeArgs, key: &StudyKey, bytes: usize) -> CommandOutput {
     let (page, path) = (args.output.join(PAGE), args.output.join(KEY));
     let [width, height] = key.size;
     let kind = if key.synthetic { "synthetic " } else { "" };
-    Answer {
+    CommandOutput {
         text: format!(
             "{} pairs of {kind}clips, {} frames of {width}×{height} each as JPEG of quality {}: {:.1} MB\n\
              for participants: {}\nto keep: {}",
@@ -168,7 +162,7 @@ fn made(args: &MakeArgs, key: &StudyKey, bytes: usize) -> Answer {
     }
 }
 
-fn summary(args: &SummaryArgs) -> Result<Answer, CliError> {
+fn summary(args: &SummaryArgs) -> Result<CommandOutput, CliError> {
     let key = StudyKey::read(&read(&args.study.join(KEY))?)?;
     let files = args.answers.iter().map(|path| {
         let text = read(path)?;
@@ -179,7 +173,7 @@ fn summary(args: &SummaryArgs) -> Result<Answer, CliError> {
     for aside in &summary.set_aside {
         console::note(format_args!("set aside: {} {}", aside.file, aside.reason));
     }
-    Ok(Answer {
+    Ok(CommandOutput {
         text: describe(&summary),
         json: to_json(&summary),
     })
@@ -192,11 +186,7 @@ fn read(path: &Path) -> Result<String, CliError> {
 }
 
 fn describe(summary: &StudySummary) -> String {
-    let kind = if summary.synthetic {
-        " of a synthetic scene"
-    } else {
-        ""
-    };
+    let kind = of_synthetic(summary.synthetic);
     let mut lines = vec![format!(
         "study {}{kind}\nparticipants: {}; left out after a catch trial: {}; files set aside: {}",
         summary.study,

@@ -1,18 +1,20 @@
 //! `impasto train`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use impasto::scene::{Format, MaskUse};
 use impasto::{
-    Budget, Recovery, Stages, TrainConfig, TrainOptions, TrainSummary, Unfinished, cache_folder,
-    train,
+    Budget, Device, Recovery, Stages, TrainConfig, TrainOptions, TrainSummary, Unfinished,
+    cache_folder, train,
 };
+use serde::Deserialize;
 
 use super::device::DeviceArgs;
+use super::progress::TrainingProgress;
 use super::values::{clock, duration, interval};
-use super::{Answer, CliError, interrupt, progress, settings};
+use super::{CliError, CommandOutput, interrupt, settings, to_json};
 use crate::output::check_folder;
 
 /// Learn a scene from posed photos, and to repaint it from paintings
@@ -87,9 +89,11 @@ enum MasksArg {
 }
 
 /// Sizes and schedules to start from.
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, Default, ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// For a CPU: hash grids and small networks
+    #[default]
     Fast,
     /// The paper's architecture and schedule
     Paper,
@@ -110,10 +114,10 @@ impl Preset {
 pub struct BudgetArgs {
     /// Time for training, e.g. 90s, 10m or 1h30m [default: 10m; 190s for the demo]
     #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "steps")]
-    budget: Option<Duration>,
+    pub budget: Option<Duration>,
     /// Number of steps of training, instead of a time
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    steps: Option<u64>,
+    pub steps: Option<u64>,
 }
 
 impl BudgetArgs {
@@ -134,20 +138,19 @@ const STOPPING: &str =
     "stopping after this step; once more leaves at once, with the last checkpoint";
 
 /// Runs the command.
-pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
+pub fn run(args: &TrainArgs) -> Result<CommandOutput, CliError> {
     let preset = args.preset.config();
+    let config = settings::configure(&preset, args.config.as_deref(), &args.set)?;
+    let device = args.device.open()?;
     let options = TrainOptions {
-        scene: args.scene.clone(),
-        output: args.output.clone(),
         styles: args.styles.clone(),
         encoder: args.encoder.clone(),
-        cache: cache_folder(),
         stages: match args.stage {
             StageArg::All => Stages::All,
             StageArg::Geometry => Stages::Geometry,
             StageArg::Style => Stages::Style,
         },
-        config: settings::configure(&preset, args.config.as_deref(), &args.set)?,
+        config,
         budget: args.budget.get_or(BudgetArgs::DEFAULT),
         downscale: args.downscale,
         format: args.format,
@@ -157,7 +160,6 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
             MasksArg::Off => MaskUse::Off,
         },
         seed: args.seed,
-        device: args.device.open()?,
         recovery: Recovery {
             unfinished: if args.resume {
                 Unfinished::Resume
@@ -167,18 +169,39 @@ pub fn run(args: &TrainArgs) -> Result<Answer, CliError> {
             every: args.checkpoint_every,
             stop: interrupt::stop(STOPPING),
         },
+        ..usual_options(&args.scene, &args.output, device)
     };
     let summary = watched(&options)?;
-    Ok(Answer {
+    Ok(CommandOutput {
         text: describe(&summary),
-        json: super::to_json(&summary),
+        json: to_json(&summary),
     })
+}
+
+/// Trains the fast preset on all photos and generated paintings, from the start.
+pub fn usual_options(scene: &Path, output: &Path, device: Device) -> TrainOptions {
+    TrainOptions {
+        scene: scene.to_owned(),
+        output: output.to_owned(),
+        styles: None,
+        encoder: None,
+        cache: cache_folder(),
+        stages: Stages::All,
+        config: TrainConfig::fast(),
+        budget: Budget::Time(BudgetArgs::DEFAULT),
+        downscale: 1,
+        format: None,
+        masks: MaskUse::default(),
+        seed: 0,
+        device,
+        recovery: Recovery::default(),
+    }
 }
 
 /// Trains, with progress on stderr. That the model can be written is checked before.
 pub fn watched(options: &TrainOptions) -> Result<TrainSummary, CliError> {
     check_folder(&options.output)?;
-    let mut progress = progress::Training::default();
+    let mut progress = TrainingProgress::default();
     Ok(train(options, &mut |event| progress.show(event))?)
 }
 

@@ -1,6 +1,5 @@
 //! `impasto train-baseline`: the networks of methods to compare with.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -10,8 +9,9 @@ use impasto::eval::training::{AdaInReport, AdaInTraining, train_adain};
 use impasto::read_paintings;
 use serde_json::json;
 
+use super::progress::TimedBar;
 use super::values::clock;
-use super::{Answer, CliError, progress, to_json};
+use super::{CliError, CommandOutput, to_json};
 use crate::output::{check_folder, parent, write_file};
 
 /// Train the network of a method that `eval` compares with
@@ -52,7 +52,7 @@ enum Baseline {
 const SMOOTH: f32 = 50.0;
 
 /// Runs the command.
-pub fn run(args: &TrainBaselineArgs) -> Result<Answer, CliError> {
+pub fn run(args: &TrainBaselineArgs) -> Result<CommandOutput, CliError> {
     let Baseline::Adain = args.method;
     check_folder(&parent(&args.output))?;
     let (photos, paintings) = (pictures(&args.photos)?, pictures(&args.styles)?);
@@ -62,7 +62,7 @@ pub fn run(args: &TrainBaselineArgs) -> Result<Answer, CliError> {
         ..AdaInTraining::default()
     };
     let start = Instant::now();
-    let mut bar = progress::Steps::new("decoder", args.steps);
+    let mut bar = TimedBar::new("decoder");
     let mut mean: Option<AdaInReport> = None;
     let bytes = train_adain(&photos, &paintings, &training, &mut |step, now| {
         let before = mean.unwrap_or(now);
@@ -73,15 +73,14 @@ pub fn run(args: &TrainBaselineArgs) -> Result<Answer, CliError> {
         };
         mean = Some(smoothed);
         let AdaInReport { content, style } = smoothed;
-        bar.show(step + 1, &format!("content {content:.3}  style {style:.4}"));
+        let measures = format!("content {content:.3}  style {style:.4}");
+        bar.show_step(step + 1, args.steps, &measures);
     })?;
     drop(bar);
-    write_file(&args.output, |path| {
-        fs::write(path, &bytes).map_err(CliError::write(path))
-    })?;
+    write_file(&args.output, &bytes)?;
     let AdaInReport { content, style } = mean.unwrap_or_default();
     let seconds = start.elapsed().as_secs_f64();
-    Ok(Answer {
+    Ok(CommandOutput {
         text: format!(
             "trained for {} steps in {}: content {content:.3}, style {style:.4}\ndecoder: {}",
             args.steps,
@@ -103,10 +102,7 @@ pub fn run(args: &TrainBaselineArgs) -> Result<Answer, CliError> {
 
 /// All readable pictures of a folder.
 fn pictures(dir: &Path) -> Result<Vec<RgbImage>, CliError> {
-    let read = read_paintings(dir).map_err(|source| CliError::Read {
-        path: dir.to_owned(),
-        source,
-    })?;
+    let read = read_paintings(dir).map_err(CliError::read(dir))?;
     if read.named.is_empty() {
         return Err(CliError::Refused(format!(
             "{}: holds no readable picture; give a folder of PNG or JPEG files",

@@ -1,6 +1,5 @@
 //! `impasto train-encoder`: the network between a painting and its style code.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -9,8 +8,9 @@ use impasto::{
     read_encoder, train_encoder,
 };
 
+use super::progress::TrainingProgress;
 use super::values::clock;
-use super::{Answer, CliError, progress, to_json};
+use super::{CliError, CommandOutput, to_json};
 use crate::output::{check_folder, parent, write_file};
 
 /// Train the encoder of styles on paintings of your own, or check one
@@ -76,7 +76,7 @@ enum PerceptualArg {
 }
 
 /// Runs the command.
-pub fn run(args: &TrainEncoderArgs) -> Result<Answer, CliError> {
+pub fn run(args: &TrainEncoderArgs) -> Result<CommandOutput, CliError> {
     match (&args.check, &args.styles, &args.output, &args.heldout) {
         (Some(file), _, _, Some(heldout)) => check(file.as_deref(), (heldout, args.side)),
         (None, Some(styles), Some(output), _) => trained(args, styles, output),
@@ -87,12 +87,12 @@ pub fn run(args: &TrainEncoderArgs) -> Result<Answer, CliError> {
     }
 }
 
-fn check(file: Option<&Path>, heldout: (&Path, u32)) -> Result<Answer, CliError> {
+fn check(file: Option<&Path>, heldout: (&Path, u32)) -> Result<CommandOutput, CliError> {
     let vae = match file {
         Some(file) => read_encoder(file)?,
         None => StyleVae::shipped()?,
     };
-    let mut progress = progress::Training::default();
+    let mut progress = TrainingProgress::default();
     let cache = cache_folder();
     let check = check_encoder(&vae, heldout, cache.as_deref(), &mut |event| {
         progress.show(event);
@@ -100,13 +100,17 @@ fn check(file: Option<&Path>, heldout: (&Path, u32)) -> Result<Answer, CliError>
     drop(progress);
     let mut json = to_json(&check);
     json["encoder"] = file.map_or("built-in".into(), |file| to_json(&file));
-    Ok(Answer {
+    Ok(CommandOutput {
         text: describe(&check),
         json,
     })
 }
 
-fn trained(args: &TrainEncoderArgs, styles: &Path, output: &Path) -> Result<Answer, CliError> {
+fn trained(
+    args: &TrainEncoderArgs,
+    styles: &Path,
+    output: &Path,
+) -> Result<CommandOutput, CliError> {
     check_folder(&parent(output))?;
     let options = EncoderOptions {
         styles: styles.to_owned(),
@@ -125,16 +129,14 @@ fn trained(args: &TrainEncoderArgs, styles: &Path, output: &Path) -> Result<Answ
         seed: args.seed,
         cache: cache_folder(),
     };
-    let mut progress = progress::Training::default();
+    let mut progress = TrainingProgress::default();
     let (vae, summary) = train_encoder(&options, &mut |event| progress.show(event))?;
     drop(progress);
     let bytes = vae.to_bytes()?;
-    write_file(output, |path| {
-        fs::write(path, &bytes).map_err(CliError::write(path))
-    })?;
+    write_file(output, &bytes)?;
     let mut json = to_json(&summary);
     json["encoder"] = to_json(&output);
-    Ok(Answer {
+    Ok(CommandOutput {
         text: format!(
             "{}\nof the {} pictures and crops that it learned from: {:.1} %\n\
              trained for {} steps in {}\nencoder: {}",

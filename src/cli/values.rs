@@ -1,5 +1,6 @@
 //! Values of arguments that are more than a word or a number.
 
+use std::path::Path;
 use std::time::Duration;
 
 use impasto::{Keep, MaskSpec, Shape};
@@ -113,66 +114,65 @@ const TOLERANCE: f32 = 0.15;
 /// Reads a mask: `near`, `far`, `depth:0.2..0.8`, `box:0,0,0,1,1,1`, `sphere:0,0,0,0.5`,
 /// `surface:0,0,0`, `surface:0,0,0,0.2`, and `not:` before one of them.
 pub fn mask(text: &str) -> Result<MaskSpec, String> {
-    let wrong = || {
-        format!(
-            "\"{text}\" is not a mask; write near, far, depth:FROM..TO, box:X,Y,Z,X,Y,Z, \
-             sphere:X,Y,Z,RADIUS or surface:X,Y,Z[,TOLERANCE], or not: before one of them"
-        )
+    let shape = text.strip_prefix("not:");
+    let mask = MaskSpec {
+        inverted: shape.is_some(),
+        shape: mask_shape(shape.unwrap_or(text)).ok_or_else(|| {
+            format!(
+                "\"{text}\" is not a mask; write near, far, depth:FROM..TO, box:X,Y,Z,X,Y,Z, \
+                 sphere:X,Y,Z,RADIUS or surface:X,Y,Z[,TOLERANCE], or not: before one of them"
+            )
+        })?,
     };
-    let (inverted, shape) = match text.strip_prefix("not:") {
-        Some(rest) => (true, rest),
-        None => (false, text),
-    };
-    let (name, values) = shape.split_once(':').unwrap_or((shape, ""));
-    let numbers = || {
-        let numbers = values.split(',').map(|word| word.trim().parse::<f32>());
-        numbers.collect::<Result<Vec<_>, _>>().map_err(|_| wrong())
-    };
-    let shape = match name {
-        "near" if values.is_empty() => Shape::Near,
-        "far" if values.is_empty() => Shape::Far,
-        "depth" => {
-            let (from, to) = values.split_once("..").ok_or_else(wrong)?;
-            let number = |text: &str| text.trim().parse::<f32>().map_err(|_| wrong());
-            let to = match to.trim() {
-                "" => None,
-                to => Some(number(to)?),
-            };
-            Shape::Depth {
-                from: number(from)?,
-                to,
-            }
-        }
-        "box" => match numbers()?[..] {
-            [a, b, c, d, e, f] => Shape::Box {
-                min: [a.min(d), b.min(e), c.min(f)],
-                max: [a.max(d), b.max(e), c.max(f)],
-            },
-            _ => return Err(wrong()),
-        },
-        "sphere" => match numbers()?[..] {
-            [x, y, z, radius] => Shape::Sphere {
-                centre: [x, y, z],
-                radius,
-            },
-            _ => return Err(wrong()),
-        },
-        "surface" => match numbers()?[..] {
-            [x, y, z] => Shape::Surface {
-                point: [x, y, z],
-                tolerance: TOLERANCE,
-            },
-            [x, y, z, tolerance] => Shape::Surface {
-                point: [x, y, z],
-                tolerance,
-            },
-            _ => return Err(wrong()),
-        },
-        _ => return Err(wrong()),
-    };
-    let mask = MaskSpec { shape, inverted };
     mask.check()?;
     Ok(mask)
+}
+
+fn mask_shape(text: &str) -> Option<Shape> {
+    let (name, values) = text.split_once(':').unwrap_or((text, ""));
+    let number = |text: &str| text.trim().parse::<f32>().ok();
+    let numbers: Option<Vec<f32>> = values.split(',').map(number).collect();
+    Some(match (name, numbers.as_deref()) {
+        ("near", _) if values.is_empty() => Shape::Near,
+        ("far", _) if values.is_empty() => Shape::Far,
+        ("depth", _) => {
+            let (from, to) = values.split_once("..")?;
+            Shape::Depth {
+                from: number(from)?,
+                to: match to.trim() {
+                    "" => None,
+                    to => Some(number(to)?),
+                },
+            }
+        }
+        ("box", Some(&[a, b, c, d, e, f])) => Shape::Box {
+            min: [a.min(d), b.min(e), c.min(f)],
+            max: [a.max(d), b.max(e), c.max(f)],
+        },
+        ("sphere", Some(&[x, y, z, radius])) => Shape::Sphere {
+            centre: [x, y, z],
+            radius,
+        },
+        ("surface", Some(&[x, y, z, ref tolerance @ ..])) if tolerance.len() < 2 => {
+            Shape::Surface {
+                point: [x, y, z],
+                tolerance: tolerance.first().copied().unwrap_or(TOLERANCE),
+            }
+        }
+        _ => return None,
+    })
+}
+
+/// Whether `path` is or would be a file with this ending, in small or capital letters.
+pub fn has_ending(path: &Path, ending: &str) -> bool {
+    let found = path.extension();
+    !path.is_dir() && found.is_some_and(|found| found.eq_ignore_ascii_case(ending))
+}
+
+/// The line of a text that an error is about, from 1, where that is known.
+pub fn line_of(error: &toml::de::Error, text: &str) -> Option<usize> {
+    let before = text.get(..error.span()?.start).unwrap_or_default();
+    Some(1 + before.matches('\n').count())
 }
 
 #[cfg(test)]

@@ -1,4 +1,8 @@
 //! Single files that appear whole, also where several processes write to one folder.
+//!
+//! Processes of several machines, whose numbers may be the same, so temporary names are random and
+//! never reused; and a file may be put only where none is. `impasto_scene::file::write_atomic`, which
+//! is for one machine, does neither.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -7,7 +11,7 @@ use std::path::Path;
 
 use tempfile::NamedTempFile;
 
-use super::parent;
+use super::staging::{file_name, parent};
 use crate::cli::CliError;
 
 /// What names of temporary files end with; they begin with a dot and the name that they will have.
@@ -38,7 +42,7 @@ pub fn put_new(path: &Path, bytes: &[u8]) -> Result<bool, CliError> {
 
 /// The bytes, safe on the disk, beside the place where they will be.
 fn temporary(path: &Path, bytes: &[u8]) -> Result<NamedTempFile<File>, CliError> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let name = file_name(path);
     let written = tempfile::Builder::new()
         .prefix(&format!(".{name}."))
         .suffix(ENDING)

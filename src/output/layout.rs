@@ -6,7 +6,7 @@ use super::grid::{GAP, GROUND};
 
 /// What each frame shows, by the names of the variants.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Layout {
+pub enum FrameLayout {
     /// One picture per variant.
     Each(Vec<String>),
     /// All variants on one picture, from the left, with a thin gap between them.
@@ -16,7 +16,16 @@ pub enum Layout {
 /// What the scene as photographed is called.
 const ORIGINAL: &str = "photo";
 
-impl Layout {
+impl FrameLayout {
+    /// Variants beside the scene as photographed, or each for itself.
+    pub fn new(variants: Vec<String>, side_by_side: bool) -> Self {
+        if side_by_side {
+            Self::side_by_side(variants)
+        } else {
+            Self::Each(variants)
+        }
+    }
+
     /// Variants beside the scene as photographed, which comes first.
     pub fn side_by_side(mut variants: Vec<String>) -> Self {
         variants.insert(0, ORIGINAL.into());
@@ -28,6 +37,15 @@ impl Layout {
         match self {
             Self::Each(names) => names,
             Self::SideBySide(_) => &[],
+        }
+    }
+
+    /// The sub-folder of each output; one of no name, which is the folder itself, if there is one
+    /// output.
+    pub fn folders(&self) -> Vec<String> {
+        match self.variants() {
+            [] | [_] => vec![String::new()],
+            several => several.to_vec(),
         }
     }
 
@@ -65,8 +83,8 @@ mod tests {
             .map(|shade| RgbImage::from_pixel(6, 5, Rgb([shade; 3])))
             .into();
         let names = ["photo", "a", "b"].map(String::from).to_vec();
-        let layout = Layout::side_by_side(names[1..].to_vec());
-        assert_eq!(layout, Layout::SideBySide(names.clone()));
+        let layout = FrameLayout::side_by_side(names[1..].to_vec());
+        assert_eq!(layout, FrameLayout::SideBySide(names.clone()));
         let frames = layout.frames(pictures.clone());
         assert_eq!(frames.len(), 1);
         assert_eq!(frames[0].dimensions(), (3 * 6 + 2 * GAP, 5));
@@ -75,6 +93,6 @@ mod tests {
         let gap = GROUND.0[0];
         assert_eq!(at.map(shade), [10, 10, gap, 20, 20, gap, 30]);
         assert!(layout.variants().is_empty());
-        assert_eq!(Layout::Each(names).frames(pictures.clone()), pictures);
+        assert_eq!(FrameLayout::Each(names).frames(pictures.clone()), pictures);
     }
 }

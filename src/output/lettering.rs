@@ -39,7 +39,7 @@ pub fn width(text: &str, scale: u32) -> u32 {
 
 /// Draws `text` in capitals with its top left corner at `(x, y)`; what the typeface lacks is left
 /// blank, what does not fit is cut off.
-pub fn draw(picture: &mut RgbImage, (x, y): (u32, u32), text: &str, scale: u32, colour: Rgb<u8>) {
+pub fn draw(picture: &mut RgbImage, [x, y]: [u32; 2], text: &str, scale: u32, colour: Rgb<u8>) {
     for (i, letter) in text.chars().enumerate() {
         let Some((_, rows)) = GLYPHS
             .iter()
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn letters_are_drawn_where_they_fit() {
         let mut picture = RgbImage::new(20, 9);
-        draw(&mut picture, (1, 1), "tL?L", 1, Rgb([255; 3]));
+        draw(&mut picture, [1, 1], "tL?L", 1, Rgb([255; 3]));
         let lit = |x, y| picture.get_pixel(x, y).0[0] == 255;
         let expected = [(1, 1), (5, 1), (3, 7), (7, 7), (11, 7), (19, 7)];
         assert!(expected.iter().all(|&(x, y)| lit(x, y)));

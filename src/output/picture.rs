@@ -1,20 +1,19 @@
-//! Pixels as numbers, and as pictures.
+//! Pictures as PNG.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use image::{ImageFormat, ImageResult, RgbImage};
 
+use super::staging::write_file;
 use crate::cli::CliError;
 
-/// Writes a PNG.
-pub fn save_png(picture: &RgbImage, path: &Path) -> Result<(), CliError> {
-    picture
-        .save_with_format(path, ImageFormat::Png)
-        .map_err(CliError::encode(path))
+/// Writes a PNG, and makes the folders above it where missing.
+pub fn write_png(path: &Path, picture: &RgbImage) -> Result<(), CliError> {
+    write_file(path, png(picture).map_err(CliError::encode(path))?)
 }
 
-/// The bytes of the PNG that [`save_png`] writes.
+/// The bytes of a PNG.
 pub fn png(picture: &RgbImage) -> ImageResult<Vec<u8>> {
     let mut bytes = Cursor::new(Vec::new());
     picture.write_to(&mut bytes, ImageFormat::Png)?;

@@ -8,26 +8,29 @@ use impasto::scene::npy;
 use serde_json::Value;
 
 use super::atomic::{listed, put, sweep};
-use super::folder::{CAMERAS, names};
-use super::{Frame, job, picture};
+use super::frame::RenderedFrame;
+use super::job;
+use super::layout::FrameLayout;
+use super::numbered::{CAMERAS, names};
+use super::picture;
 use crate::cli::CliError;
 
-/// What [`super::folder::Folder`] leaves, and `job.json`. Every file appears whole on its own, and a
+/// What [`super::numbered::NumberedFrames`] leaves, and `job.json`. Every file appears whole on its own, and a
 /// frame that is there is not made again; `cameras.json` comes when all frames are there.
 #[derive(Debug)]
 pub struct SharedFolder {
     path: PathBuf,
-    /// One per variant.
-    folders: Vec<PathBuf>,
+    /// Where the frames of the variants are.
+    pub folders: Vec<PathBuf>,
     frames: usize,
     depth: bool,
     cameras: String,
 }
 
 /// What a [`SharedFolder`] will hold.
-pub struct Contents<'a> {
-    /// Names of the variants, each of which has a sub-folder where there are several.
-    pub variants: &'a [String],
+pub struct SharedFrames<'a> {
+    /// What each frame shows; where several variants have outputs of their own, each has a sub-folder.
+    pub layout: &'a FrameLayout,
     /// Number of frames.
     pub frames: usize,
     /// Whether there are depth files.
@@ -43,14 +46,15 @@ impl SharedFolder {
     ///
     /// # Errors
     /// When it cannot be made or written to, or belongs to another job.
-    pub fn open(path: &Path, contents: &Contents<'_>) -> Result<Self, CliError> {
-        let folders = match contents.variants {
-            [] | [_] => vec![path.to_owned()],
-            several => several.iter().map(|name| path.join(name)).collect(),
+    pub fn open(path: &Path, contents: &SharedFrames<'_>) -> Result<Self, CliError> {
+        let names = contents.layout.folders().into_iter();
+        let folder = |name: String| match name.as_str() {
+            "" => path.to_owned(),
+            name => path.join(name),
         };
         let shared = Self {
             path: path.to_owned(),
-            folders,
+            folders: names.map(folder).collect(),
             frames: contents.frames,
             depth: contents.depth,
             cameras: contents.cameras.to_owned(),
@@ -65,15 +69,17 @@ impl SharedFolder {
         Ok(shared)
     }
 
+    /// Names of all frames' files in a folder.
+    fn names(&self) -> impl Iterator<Item = String> {
+        (0..self.frames).flat_map(|frame| names(frame, self.depth))
+    }
+
     /// The first file that could be a job's.
     fn first_file(&self) -> Result<Option<String>, CliError> {
         for folder in &self.folders {
             let present = listed(folder)?;
-            let of_frames = (0..self.frames).flat_map(|frame| names(frame, self.depth));
-            let found = of_frames
-                .chain([CAMERAS.into()])
-                .find(|name| present.contains(name));
-            if let Some(name) = found {
+            let mut names = self.names().chain([CAMERAS.into()]);
+            if let Some(name) = names.find(|name| present.contains(name)) {
                 return Ok(Some(folder.join(name).display().to_string()));
             }
         }
@@ -95,8 +101,7 @@ impl SharedFolder {
     fn is_complete(&self) -> Result<bool, CliError> {
         for folder in &self.folders {
             let present = listed(folder)?;
-            let mut wanted = (0..self.frames).flat_map(|frame| names(frame, self.depth));
-            if !wanted.all(|name| present.contains(&name)) {
+            if !self.names().all(|name| present.contains(&name)) {
                 return Ok(false);
             }
         }
@@ -114,7 +119,7 @@ impl SharedFolder {
     }
 
     /// Writes those files of a frame that are missing.
-    pub fn add(&self, number: usize, frame: &Frame<'_>) -> Result<(), CliError> {
+    pub fn add(&self, number: usize, frame: &RenderedFrame<'_>) -> Result<(), CliError> {
         let k = &frame.view.camera.intrinsics;
         for (folder, picture) in self.folders.iter().zip(&frame.pictures) {
             for name in names(number, self.depth) {
@@ -122,9 +127,10 @@ impl SharedFolder {
                 if path.exists() {
                     continue;
                 }
-                let bytes = match name.ends_with(".png") {
-                    true => picture::png(picture).map_err(CliError::encode(&path))?,
-                    false => npy::encode(frame.depth, k.width, k.height),
+                let bytes = if name.ends_with(".png") {
+                    picture::png(picture).map_err(CliError::encode(&path))?
+                } else {
+                    npy::encode(frame.depth, k.width, k.height)
                 };
                 put(&path, &bytes)?;
             }
@@ -145,10 +151,5 @@ impl SharedFolder {
         }
         sweep(&self.path, &listed(&self.path)?);
         Ok(complete)
-    }
-
-    /// Where the frames of the variants are.
-    pub fn folders(&self) -> &[PathBuf] {
-        &self.folders
     }
 }

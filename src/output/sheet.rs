@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 
-use super::{Frame, Sink, grid, picture, write_file};
+use super::frame::{RenderedFrame, Sink};
+use super::grid;
+use super::picture::write_png;
 use crate::cli::CliError;
 
 /// A contact sheet: views in reading order, or, with several variants, one row per view and one
@@ -39,15 +41,14 @@ impl Sheet {
 }
 
 impl Sink for Sheet {
-    fn add(&mut self, frame: Frame<'_>) -> Result<(), CliError> {
+    fn add(&mut self, frame: RenderedFrame<'_>) -> Result<(), CliError> {
         self.variants = frame.pictures.len();
         self.pictures.extend(frame.pictures);
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, CliError> {
-        let sheet = self.composed();
-        write_file(&self.path, |path| picture::save_png(&sheet, path))?;
+        write_png(&self.path, &self.composed())?;
         Ok(vec![self.path])
     }
 }

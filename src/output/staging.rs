@@ -1,15 +1,19 @@
 //! Files that appear all at once.
 
+use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use impasto::scene::file::write_atomic;
 use tempfile::TempDir;
 
-use super::parent;
 use crate::cli::CliError;
 
 /// Files in the making, in a hidden folder within the folder where they will be. Dropped without
 /// [`Staging::commit`], it leaves no trace.
+///
+/// Several files that belong together, of which others (ffmpeg, a ZIP's writer) may write one: more
+/// than [`write_atomic`] does, which has the bytes of a single one.
 pub struct Staging {
     target: PathBuf,
     /// Folders that were made for this, outermost first.
@@ -57,6 +61,13 @@ impl Staging {
         Ok(path)
     }
 
+    /// Writes the file that will be `name`.
+    pub fn write(&mut self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
+        let path = self.file(name)?;
+        // The temporary name would only puzzle.
+        fs::write(path, bytes).map_err(CliError::write(&self.target.join(name)))
+    }
+
     /// Moves the files to their places, in the order in which they were named. An older file in
     /// the place of the last one is removed first: whoever finds the last file finds all.
     pub fn commit(self) -> Result<(), CliError> {
@@ -95,6 +106,26 @@ impl Drop for Staging {
 /// Whether files can be written to `folder`, which may not exist yet and is left as it was.
 pub fn check_folder(folder: &Path) -> Result<(), CliError> {
     Staging::new(folder).map(drop)
+}
+
+/// Writes one file, and makes the folders above it where missing.
+pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
+    // Removes the folders that it made if nothing comes into them.
+    let _folders = Staging::new(&parent(path))?;
+    write_atomic(path, bytes.as_ref()).map_err(CliError::write(path))
+}
+
+/// The folder that a file is in.
+pub fn parent(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => ".".into(),
+    }
+}
+
+/// A file's name without its folder.
+pub fn file_name(path: &Path) -> Cow<'_, str> {
+    path.file_name().unwrap_or_default().to_string_lossy()
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! coats, and what is newer takes the place of what is older.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use impasto_train::{Coats, Stop};
@@ -12,6 +12,7 @@ use tokio::sync::mpsc::{self, Receiver, Sender};
 
 use crate::frame;
 use crate::message::{Message, PickMessage, ViewMessage};
+use crate::sync::{lock, wait};
 
 /// Frames that may be on their way to a page.
 const AHEAD: u32 = 2;
@@ -19,8 +20,8 @@ const AHEAD: u32 = 2;
 const WAITING: usize = 64;
 /// Picks that may wait for the painter.
 const PICKS: usize = 8;
-/// How often a sleeping painter looks whether the studio closes.
-const LOOK: Duration = Duration::from_millis(100);
+/// How often a sleeping painter checks whether the studio closes.
+const POLL: Duration = Duration::from_millis(100);
 
 /// Something for a page.
 #[derive(Debug)]
@@ -31,20 +32,20 @@ pub(crate) enum Outgoing {
 
 /// What a page wants, each with the time at which it said so.
 #[derive(Debug, Default)]
-pub(crate) struct Wanted {
+pub(crate) struct Requests {
     pub(crate) view: Option<(ViewMessage, Instant)>,
     pub(crate) coats: Option<(u32, Box<Coats>, Instant)>,
     pub(crate) picks: VecDeque<PickMessage>,
 }
 
-impl Wanted {
+impl Requests {
     fn is_nothing(&self) -> bool {
         self.view.is_none() && self.coats.is_none() && self.picks.is_empty()
     }
 }
 
 struct Seat {
-    wanted: Wanted,
+    requests: Requests,
     /// Whether the painter is not done with the last view.
     unfinished: bool,
     watches: bool,
@@ -59,8 +60,8 @@ impl Seat {
     }
 
     fn can_be_served(&self) -> bool {
-        !self.wanted.picks.is_empty()
-            || self.has_room() && (self.unfinished || !self.wanted.is_nothing())
+        !self.requests.picks.is_empty()
+            || self.has_room() && (self.unfinished || !self.requests.is_nothing())
     }
 }
 
@@ -87,7 +88,7 @@ pub(crate) struct Turn {
     /// Pages that have left.
     pub(crate) gone: Vec<u64>,
     /// Whose turn it is, what it wants, and whether frames may be sent to it.
-    pub(crate) client: Option<(u64, Wanted, bool)>,
+    pub(crate) client: Option<(u64, Requests, bool)>,
 }
 
 impl Clients {
@@ -100,7 +101,7 @@ impl Clients {
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 
     /// Seats a page: its number, and what is on its way to it. `None` if there is no seat left.
@@ -113,7 +114,7 @@ impl Clients {
         state.next += 1;
         let id = state.next;
         let seat = Seat {
-            wanted: Wanted::default(),
+            requests: Requests::default(),
             unfinished: false,
             watches: false,
             sent: 0,
@@ -135,20 +136,20 @@ impl Clients {
     }
 
     /// Takes note of what a page says.
-    pub(crate) fn hear(&self, id: u64, message: Message) -> Result<(), String> {
+    pub(crate) fn receive(&self, id: u64, message: Message) -> Result<(), String> {
         let mut state = self.lock();
         let Some(seat) = state.seats.get_mut(&id) else {
             return Ok(());
         };
         let now = Instant::now();
         match message {
-            Message::View(view) => seat.wanted.view = Some((view, now)),
-            Message::Coats(id, coats) => seat.wanted.coats = Some((id, coats, now)),
+            Message::View(view) => seat.requests.view = Some((view, now)),
+            Message::Coats(id, coats) => seat.requests.coats = Some((id, coats, now)),
             Message::Pick(pick) => {
-                if seat.wanted.picks.len() >= PICKS {
-                    seat.wanted.picks.pop_front();
+                if seat.requests.picks.len() >= PICKS {
+                    seat.requests.picks.pop_front();
                 }
-                seat.wanted.picks.push_back(pick);
+                seat.requests.picks.push_back(pick);
             }
             Message::Watch(on) => seat.watches = on,
             Message::Ack(frame) => {
@@ -181,20 +182,20 @@ impl Clients {
                 state.served = id;
                 let seat = state.seats.get_mut(&id)?;
                 let room = seat.has_room();
-                let wanted = match room {
-                    true => std::mem::take(&mut seat.wanted),
-                    false => Wanted {
-                        picks: std::mem::take(&mut seat.wanted.picks),
-                        ..Wanted::default()
-                    },
+                let requests = if room {
+                    std::mem::take(&mut seat.requests)
+                } else {
+                    Requests {
+                        picks: std::mem::take(&mut seat.requests.picks),
+                        ..Requests::default()
+                    }
                 };
-                Some((id, wanted, room))
+                Some((id, requests, room))
             });
             if client.is_some() || called || !gone.is_empty() {
                 return Some(Turn { gone, client });
             }
-            let waited = self.work.wait_timeout(state, LOOK);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+            state = wait(&self.work, state, POLL);
         }
     }
 

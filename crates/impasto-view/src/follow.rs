@@ -1,21 +1,22 @@
 //! The thread that follows a training: what its log says, and the model when it is written.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use impasto_train::{MODEL_FILE, Stop};
 
-use crate::http::Shared;
-use crate::message::{problem, told};
+use crate::message::{problem, typed};
 use crate::painter::Painter;
 use crate::rendering::Arriving;
 use crate::run::LogTail;
+use crate::shared::Shared;
+use crate::sync::lock;
 
-/// Time between two looks.
+/// Time between two readings.
 const EVERY: Duration = Duration::from_millis(500);
-/// How often a sleeping thread looks whether the studio closes.
-const LOOK: Duration = Duration::from_millis(50);
+/// How often a sleeping thread checks whether the studio closes.
+const POLL: Duration = Duration::from_millis(50);
 
 /// Changes when a file does.
 type Stamp = Option<(SystemTime, u64)>;
@@ -36,13 +37,12 @@ impl<P: Painter> Follower<P> {
         arriving: Arc<Arriving<P>>,
         shared: Shared,
     ) -> Self {
-        let (folder, file) = match model.is_file() {
-            true => (model.parent().unwrap_or(model), model.to_owned()),
-            false => (model, model.join(MODEL_FILE)),
+        let (folder, file) = if model.is_file() {
+            (model.parent().unwrap_or(model), model.to_owned())
+        } else {
+            (model, model.join(MODEL_FILE))
         };
-        let is_there = (arriving.lock())
-            .unwrap_or_else(PoisonError::into_inner)
-            .is_some();
+        let is_there = lock(&arriving).is_some();
         Self {
             log: LogTail::new(folder.to_owned()),
             known: if is_there { stamp(&file) } else { None },
@@ -56,64 +56,47 @@ impl<P: Painter> Follower<P> {
     /// Follows until the studio closes.
     pub(crate) fn run(mut self, stop: &Stop) {
         while !stop.is_requested() {
-            self.hear();
-            self.look();
-            let looks = EVERY.as_millis() / LOOK.as_millis();
-            for _ in 0..looks {
+            self.read_log();
+            self.load_model();
+            let polls = EVERY.as_millis() / POLL.as_millis();
+            for _ in 0..polls {
                 if stop.is_requested() {
                     return;
                 }
-                std::thread::sleep(LOOK);
+                std::thread::sleep(POLL);
             }
         }
     }
 
     /// Reads the log on.
-    fn hear(&mut self) {
-        let mut run = self
-            .shared
-            .run
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        let before = run.1;
-        let (heard, training) = self.log.follow(&mut run.0);
-        run.1 = training;
-        if heard || before != training {
-            let said = told("run", run.0.json(training));
+    fn read_log(&mut self) {
+        let mut run = lock(&self.shared.run);
+        if self.log.follow(&mut run) {
+            let message = typed("run", run.json());
             drop(run);
-            self.shared.clients.send_all(&said, true);
+            self.shared.clients.send_all(&message, true);
         }
     }
 
     /// Loads a model that was written.
-    fn look(&mut self) {
+    fn load_model(&mut self) {
         let found = stamp(&self.model);
         if found.is_none() || found == self.known {
             return;
         }
         self.known = found;
-        match (self.again)() {
+        let message = match (self.again)() {
             Ok(painter) => {
                 let facts = Arc::new(painter.facts());
-                let said = told("model", facts.json());
-                let mut place = self.arriving.lock().unwrap_or_else(PoisonError::into_inner);
-                *place = Some(painter);
-                drop(place);
-                let mut known = self
-                    .shared
-                    .facts
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner);
-                *known = Some(facts);
-                drop(known);
+                let message = typed("model", facts.json());
+                *lock(&self.arriving) = Some(painter);
+                *lock(&self.shared.facts) = Some(facts);
                 self.shared.clients.call();
-                self.shared.clients.send_all(&said, false);
+                message
             }
-            Err(reason) => {
-                let said = problem(&reason, None);
-                self.shared.clients.send_all(&said, false);
-            }
-        }
+            Err(reason) => problem(&reason, None),
+        };
+        self.shared.clients.send_all(&message, false);
     }
 }
 

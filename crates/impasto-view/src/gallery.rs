@@ -1,21 +1,22 @@
 //! The paintings to choose from: a folder's, uploaded ones, those of favourites, generated ones.
 
-use std::collections::VecDeque;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
-use image::RgbImage;
 use image::imageops::FilterType;
+use image::{RgbImage, imageops};
 use impasto_scene::file::{plainly, read_whole};
 use impasto_scene::{decode_rgb, is_picture, read_rgb};
 use impasto_train::StyleFolder;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
-use crate::favourites::{SAVED, Shelf};
 use crate::frame::jpeg;
-use crate::options::Limits;
+use crate::names::short_hash;
+use crate::options::{Limits, ViewOptions};
+use crate::recent::Recent;
+use crate::saved_paintings::{SAVED, SavedPaintings};
+use crate::sync::lock;
 
 /// Side of the generated paintings that coats are mixed from.
 const GENERATED_SIDE: u32 = 256;
@@ -75,7 +76,6 @@ struct Upload {
 struct Added {
     uploads: Vec<Upload>,
     generated: Vec<u64>,
-    thumbnails: VecDeque<(String, Arc<Vec<u8>>)>,
 }
 
 /// Why a painting is not taken.
@@ -90,21 +90,18 @@ pub(crate) enum Untaken {
 }
 
 /// All paintings.
-pub(crate) struct Gallery {
+pub(crate) struct PaintingLibrary {
     folder: StyleFolder,
     scratch: PathBuf,
     limits: Limits,
-    shelf: Arc<Shelf>,
+    saved: SavedPaintings,
     added: Mutex<Added>,
+    thumbnails: Mutex<Recent<String, Arc<Vec<u8>>>>,
 }
 
-impl Gallery {
-    pub(crate) fn new(
-        styles: Option<&Path>,
-        scratch: &Path,
-        limits: Limits,
-        shelf: Arc<Shelf>,
-    ) -> std::io::Result<Self> {
+impl PaintingLibrary {
+    pub(crate) fn new(options: &ViewOptions) -> std::io::Result<Self> {
+        let styles = options.styles.as_deref();
         let mut folder = styles
             .map(StyleFolder::walk)
             .transpose()?
@@ -112,15 +109,16 @@ impl Gallery {
         folder.files.retain(|file| is_picture(&file.path));
         Ok(Self {
             folder,
-            scratch: scratch.to_owned(),
-            limits,
-            shelf,
+            scratch: options.scratch.clone(),
+            limits: options.limits,
+            saved: SavedPaintings::new(&options.model),
             added: Mutex::default(),
+            thumbnails: Mutex::new(Recent::new(THUMBNAILS)),
         })
     }
 
     fn added(&self) -> MutexGuard<'_, Added> {
-        self.added.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.added)
     }
 
     /// What there is to choose from: uploaded and generated ones first, the newest foremost.
@@ -131,7 +129,7 @@ impl Gallery {
         let generated = added.generated.iter().rev();
         all.extend(generated.map(|seed| generated_painting(*seed)));
         drop(added);
-        all.extend(self.shelf.paintings().iter().map(|file| {
+        all.extend(self.saved.list().iter().map(|file| {
             let name = file.split_once('-').map_or(file.as_str(), |(_, name)| name);
             Painting::new(&format!("{SAVED}{file}"), name)
         }));
@@ -156,8 +154,7 @@ impl Gallery {
 
     /// Takes a picture's file.
     pub(crate) fn take(&self, name: &str, bytes: &[u8]) -> Result<Painting, Untaken> {
-        let digest = Sha256::digest(bytes);
-        let hash: String = digest.iter().take(8).map(|b| format!("{b:02x}")).collect();
+        let hash = short_hash(bytes);
         let id = format!("{UPLOAD}{hash}");
         let known = |added: &Added| {
             let upload = added.uploads.iter().find(|u| u.id == id)?;
@@ -187,7 +184,7 @@ impl Gallery {
             .map_err(|e| Untaken::Disk(format!("the painting cannot be kept ({})", plainly(&e))))?;
         let name = shown_name(name);
         let painting = Painting::new(&id, &name);
-        keep(&mut added.thumbnails, &id, &Arc::new(thumbnail));
+        lock(&self.thumbnails).keep(id.clone(), Arc::new(thumbnail));
         added.uploads.push(Upload {
             id,
             name,
@@ -204,10 +201,9 @@ impl Gallery {
             format!("there is no painting \"{id}\"; choose one of those shown, or add it again")
         };
         if let Some(seed) = id.strip_prefix(RANDOM) {
-            return match seed.parse::<u64>() {
-                Ok(_) => Ok(None),
-                Err(_) => Err(unknown()),
-            };
+            return seed
+                .parse::<u64>()
+                .map_or_else(|_| Err(unknown()), |_| Ok(None));
         }
         if id.starts_with(UPLOAD) {
             let added = self.added();
@@ -217,7 +213,7 @@ impl Gallery {
                 .ok_or_else(unknown);
         }
         if let Some(file) = id.strip_prefix(SAVED) {
-            let path = self.shelf.painting(file).ok_or_else(unknown)?;
+            let path = self.saved.path(file).ok_or_else(unknown)?;
             return Ok(Some((path, file.to_owned())));
         }
         let found = self.folder.files.iter().find(|file| file.name == id);
@@ -243,20 +239,15 @@ impl Gallery {
 
     /// A small JPEG of a painting.
     pub(crate) fn thumbnail(&self, id: &str) -> Result<Arc<Vec<u8>>, String> {
-        if let Some((_, made)) = self
-            .added()
-            .thumbnails
-            .iter()
-            .find(|(known, _)| known == id)
-        {
-            return Ok(made.clone());
+        if let Some(known) = lock(&self.thumbnails).get(id) {
+            return Ok(known);
         }
         let picture = match self.file(id)? {
             None => self.generated(id, THUMBNAIL)?,
             Some(_) => self.picture(id)?,
         };
         let made = Arc::new(thumbnail(&picture)?);
-        keep(&mut self.added().thumbnails, id, &made);
+        lock(&self.thumbnails).keep(id.to_owned(), made.clone());
         Ok(made)
     }
 
@@ -276,13 +267,6 @@ fn generated_painting(seed: u64) -> Painting {
     )
 }
 
-fn keep(thumbnails: &mut VecDeque<(String, Arc<Vec<u8>>)>, id: &str, made: &Arc<Vec<u8>>) {
-    if thumbnails.len() >= THUMBNAILS {
-        thumbnails.pop_front();
-    }
-    thumbnails.push_back((id.to_owned(), made.clone()));
-}
-
 fn thumbnail(picture: &RgbImage) -> Result<Vec<u8>, String> {
     let (width, height) = picture.dimensions();
     let longest = width.max(height).max(1);
@@ -290,17 +274,15 @@ fn thumbnail(picture: &RgbImage) -> Result<Vec<u8>, String> {
         // At most the longest side, so the cast keeps the value.
         (u64::from(side) * u64::from(THUMBNAIL) / u64::from(longest)).max(1) as u32
     };
-    let small = match longest > THUMBNAIL {
-        // Averages first: a filter alone takes long over a large picture.
-        true => {
-            let (w, h) = (side(width), side(height));
-            let rough =
-                image::imageops::thumbnail(picture, (2 * w).min(width), (2 * h).min(height));
-            image::imageops::resize(&rough, w, h, FilterType::Triangle)
-        }
-        false => picture.clone(),
-    };
     let mut bytes = Vec::new();
+    if longest <= THUMBNAIL {
+        jpeg(picture, THUMBNAIL_QUALITY, &mut bytes)?;
+        return Ok(bytes);
+    }
+    let (w, h) = (side(width), side(height));
+    // Averages first: a filter alone takes long over a large picture.
+    let rough = imageops::thumbnail(picture, (2 * w).min(width), (2 * h).min(height));
+    let small = imageops::resize(&rough, w, h, FilterType::Triangle);
     jpeg(&small, THUMBNAIL_QUALITY, &mut bytes)?;
     Ok(bytes)
 }

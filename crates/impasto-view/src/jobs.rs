@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::fs;
 use std::path::PathBuf;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
 use impasto_scene::file::plainly;
@@ -11,7 +11,8 @@ use impasto_train::Stop;
 use serde_json::{Value, json};
 
 use crate::clients::Clients;
-use crate::gallery::Gallery;
+use crate::gallery::PaintingLibrary;
+use crate::sync::{lock, wait};
 use crate::workshop::{ExportOrder, FilmOrder, Made, Workshop};
 
 /// Jobs that may wait.
@@ -20,8 +21,8 @@ const WAITING: usize = 8;
 const KEPT: usize = 16;
 /// Most bytes of a job's paintings, decoded.
 const PAINTINGS: usize = 1 << 30;
-/// How often a sleeping workshop looks whether the studio closes.
-const LOOK: Duration = Duration::from_millis(200);
+/// How often a sleeping workshop checks whether the studio closes.
+const POLL: Duration = Duration::from_millis(200);
 /// A job steps back while somebody waits for a picture, so often for so long, between two steps.
 const STEP_BACK: Duration = Duration::from_millis(20);
 const STEPS_BACK: usize = 50;
@@ -42,7 +43,7 @@ impl Order {
     }
 
     /// Reads the paintings that it needs.
-    fn read_paintings(&mut self, gallery: &Gallery) -> Result<(), String> {
+    fn read_paintings(&mut self, library: &PaintingLibrary) -> Result<(), String> {
         let paint = match self {
             Self::Film(film) => &mut film.paint,
             Self::Export(export) => &mut export.paint,
@@ -52,7 +53,7 @@ impl Order {
             if paint.paintings.iter().any(|(id, _)| *id == spec.painting) {
                 continue;
             }
-            let picture = gallery.picture(&spec.painting)?;
+            let picture = library.picture(&spec.painting)?;
             bytes += picture.as_raw().len();
             if bytes > PAINTINGS {
                 return Err("its paintings are too large all together; use smaller ones".into());
@@ -78,7 +79,7 @@ struct Job {
 }
 
 #[derive(Default)]
-struct Bench {
+struct Queue {
     jobs: VecDeque<Job>,
     next: u64,
 }
@@ -86,7 +87,7 @@ struct Bench {
 /// All jobs.
 pub(crate) struct Jobs {
     scratch: PathBuf,
-    bench: Mutex<Bench>,
+    queue: Mutex<Queue>,
     work: Condvar,
 }
 
@@ -94,26 +95,26 @@ impl Jobs {
     pub(crate) fn new(scratch: PathBuf) -> Self {
         Self {
             scratch,
-            bench: Mutex::default(),
+            queue: Mutex::default(),
             work: Condvar::new(),
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Bench> {
-        self.bench.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        lock(&self.queue)
     }
 
     /// Queues a job that `order` makes from its folder; its number.
     pub(crate) fn add(&self, order: impl FnOnce(PathBuf) -> Order) -> Result<u64, String> {
-        let mut bench = self.lock();
+        let mut queue = self.lock();
         let waits = |job: &&Job| matches!(job.state, State::Waiting(_));
-        if bench.jobs.iter().filter(waits).count() >= WAITING {
+        if queue.jobs.iter().filter(waits).count() >= WAITING {
             return Err(format!(
                 "{WAITING} films and exports are waiting already; wait until one is done, or stop one"
             ));
         }
-        bench.next += 1;
-        let id = bench.next;
+        queue.next += 1;
+        let id = queue.next;
         let folder = self.scratch.join(format!("job-{id}"));
         fs::create_dir(&folder)
             .map_err(|e| format!("there is no place to make it ({})", plainly(&e)))?;
@@ -123,44 +124,38 @@ impl Jobs {
             stop: Stop::default(),
             state: State::Waiting(order(folder)),
         };
-        bench.jobs.push_back(job);
-        while bench.jobs.len() > KEPT + WAITING {
+        queue.jobs.push_back(job);
+        while queue.jobs.len() > KEPT + WAITING {
             let over = |job: &Job| matches!(job.state, State::Done(_) | State::Failed(_));
-            let Some(index) = bench.jobs.iter().position(over) else {
+            let Some(index) = queue.jobs.iter().position(over) else {
                 break;
             };
-            if let Some(old) = bench.jobs.remove(index) {
-                discard(&old);
+            if let Some(old) = queue.jobs.remove(index) {
+                remove_folder(&old.folder);
             }
         }
-        drop(bench);
+        drop(queue);
         self.work.notify_all();
         Ok(id)
     }
 
     /// How a job stands, as `GET /api/jobs/ID` answers.
     pub(crate) fn state(&self, id: u64) -> Option<Value> {
-        let bench = self.lock();
-        let job = bench.jobs.iter().find(|job| job.id == id)?;
-        let (state, progress) = match &job.state {
-            State::Waiting(_) => ("waiting", 0.0),
-            State::Running(progress) => ("running", *progress),
-            State::Done(_) => ("done", 1.0),
-            State::Failed(_) => ("failed", 0.0),
+        let queue = self.lock();
+        let job = queue.jobs.iter().find(|job| job.id == id)?;
+        let (state, progress, error, file) = match &job.state {
+            State::Waiting(_) => ("waiting", 0.0, None, None),
+            State::Running(progress) => ("running", *progress, None, None),
+            State::Done(_) => ("done", 1.0, None, Some(format!("/api/jobs/{id}/file"))),
+            State::Failed(reason) => ("failed", 0.0, Some(reason), None),
         };
-        let mut said = json!({"state": state, "progress": progress, "error": null, "file": null});
-        match &job.state {
-            State::Failed(reason) => said["error"] = reason.as_str().into(),
-            State::Done(_) => said["file"] = format!("/api/jobs/{id}/file").into(),
-            State::Waiting(_) | State::Running(_) => {}
-        }
-        Some(said)
+        Some(json!({"state": state, "progress": progress, "error": error, "file": file}))
     }
 
     /// The file that a job has made.
     pub(crate) fn file(&self, id: u64) -> Option<PathBuf> {
-        let bench = self.lock();
-        let job = bench.jobs.iter().find(|job| job.id == id)?;
+        let queue = self.lock();
+        let job = queue.jobs.iter().find(|job| job.id == id)?;
         match &job.state {
             State::Done(path) => Some(path.clone()),
             _ => None,
@@ -169,26 +164,25 @@ impl Jobs {
 
     /// Ends a job and forgets it; whether there was one.
     pub(crate) fn remove(&self, id: u64) -> bool {
-        let mut bench = self.lock();
-        let Some(index) = bench.jobs.iter().position(|job| job.id == id) else {
-            return false;
-        };
-        let Some(job) = bench.jobs.remove(index) else {
+        let mut queue = self.lock();
+        let index = queue.jobs.iter().position(|job| job.id == id);
+        let Some(job) = index.and_then(|index| queue.jobs.remove(index)) else {
             return false;
         };
         job.stop.request();
         // The workshop itself removes what it is at work on.
         if !matches!(job.state, State::Running(_)) {
-            discard(&job);
+            remove_folder(&job.folder);
         }
         true
     }
 
     /// Works until the studio closes.
     pub(crate) fn run(
-        self: &Arc<Self>,
+        &self,
         workshop: &mut dyn Workshop,
-        (clients, gallery): (&Clients, &Gallery),
+        clients: &Clients,
+        library: &PaintingLibrary,
         stop: &Stop,
     ) {
         while let Some((id, mut order, stopped)) = self.next(stop) {
@@ -204,7 +198,7 @@ impl Jobs {
                     std::thread::sleep(STEP_BACK);
                 }
             };
-            let read = order.read_paintings(gallery);
+            let read = order.read_paintings(library);
             let made = read.and_then(|()| match &order {
                 Order::Film(film) => workshop.film(film, &mut progress, &stopped),
                 Order::Export(export) => workshop.export(export, &mut progress, &stopped),
@@ -217,27 +211,26 @@ impl Jobs {
     }
 
     fn next(&self, stop: &Stop) -> Option<(u64, Order, Stop)> {
-        let mut bench = self.lock();
+        let mut queue = self.lock();
         loop {
             if stop.is_requested() {
                 return None;
             }
             let waits = |job: &&mut Job| matches!(job.state, State::Waiting(_));
-            if let Some(job) = bench.jobs.iter_mut().find(waits) {
+            if let Some(job) = queue.jobs.iter_mut().find(waits) {
                 let state = std::mem::replace(&mut job.state, State::Running(0.0));
                 if let State::Waiting(order) = state {
                     return Some((job.id, order, job.stop.clone()));
                 }
             }
-            let waited = self.work.wait_timeout(bench, LOOK);
-            bench = waited.unwrap_or_else(PoisonError::into_inner).0;
+            queue = wait(&self.work, queue, POLL);
         }
     }
 
     /// Takes note of how a job stands; whether it is still wanted.
     fn set(&self, id: u64, state: State) -> bool {
-        let mut bench = self.lock();
-        let Some(job) = bench.jobs.iter_mut().find(|job| job.id == id) else {
+        let mut queue = self.lock();
+        let Some(job) = queue.jobs.iter_mut().find(|job| job.id == id) else {
             return false;
         };
         job.state = state;
@@ -252,10 +245,6 @@ fn finished(order: &Order, made: Made) -> State {
         Ok(_) => State::Failed("nothing was made".into()),
         Err(reason) => State::Failed(reason),
     }
-}
-
-fn discard(job: &Job) {
-    remove_folder(&job.folder);
 }
 
 fn remove_folder(folder: &PathBuf) {

@@ -19,19 +19,22 @@ mod http;
 mod jobs;
 mod message;
 mod model_painter;
+mod names;
 mod options;
 mod painter;
 mod path;
+mod recent;
 mod rendering;
 mod run;
+mod saved_paintings;
 mod server;
+mod shared;
+mod sync;
 mod workshop;
 
 pub use error::ViewError;
 pub use model_painter::ModelPainter;
 pub use options::{Limits, ViewOptions};
-pub use painter::{Painter, Pictures, SceneFacts, View};
+pub use painter::{Painter, Pictures, SceneFacts, ViewGeometry};
 pub use server::{Opening, Server};
-pub use workshop::{
-    ExportOrder, FilmOrder, Formats, Made, NoWorkshop, PaintOrder, Progress, Workshop,
-};
+pub use workshop::{ExportOrder, FilmOrder, Formats, Made, PaintOrder, Progress, Workshop};

@@ -143,7 +143,7 @@ pub(crate) struct Picked {
 }
 
 /// An answer of the interface as a message of the socket.
-pub(crate) fn told(kind: &str, mut facts: Value) -> String {
+pub(crate) fn typed(kind: &str, mut facts: Value) -> String {
     facts["type"] = kind.into();
     facts.to_string()
 }

@@ -1,12 +1,12 @@
 //! A trained model as a painter.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 use impasto_scene::Camera;
 use impasto_train::{Coat, Coats, Inspiration, Look, Model, PreparedView};
 
-use crate::painter::{Painter, Pictures, SceneFacts, View};
+use crate::painter::{Painter, Pictures, SceneFacts, ViewGeometry};
+use crate::recent::Recent;
 
 /// Paintings whose codes are kept, and looks.
 const INSPIRATIONS: usize = 512;
@@ -16,8 +16,8 @@ const LOOKS: usize = 24;
 /// as there is room to remember it.
 pub struct ModelPainter {
     model: Arc<Model>,
-    inspirations: Kept<String, Inspiration>,
-    looks: Kept<Vec<(String, u32)>, Look>,
+    inspirations: Recent<String, Inspiration>,
+    looks: Recent<Vec<(String, u32)>, Look>,
 }
 
 impl ModelPainter {
@@ -25,8 +25,8 @@ impl ModelPainter {
     pub fn new(model: Arc<Model>) -> Self {
         Self {
             model,
-            inspirations: Kept::new(INSPIRATIONS),
-            looks: Kept::new(LOOKS),
+            inspirations: Recent::new(INSPIRATIONS),
+            looks: Recent::new(LOOKS),
         }
     }
 
@@ -35,7 +35,7 @@ impl ModelPainter {
         painting: &str,
         pictures: Pictures<'_>,
     ) -> Result<Inspiration, String> {
-        if let Some(known) = self.inspirations.get(&painting.to_owned()) {
+        if let Some(known) = self.inspirations.get(painting) {
             return Ok(known);
         }
         let made = self.model.inspiration(&pictures(painting)?);
@@ -66,20 +66,17 @@ fn unstyled() -> String {
 }
 
 impl Painter for ModelPainter {
-    type View = PreparedView;
+    type Geometry = PreparedView;
     type Paint = Vec<Coat>;
 
     fn facts(&self) -> SceneFacts {
         let scene = &self.model.file.scene;
-        let photos = scene.photos.iter();
         SceneFacts {
             name: scene.name.clone(),
             synthetic: scene.synthetic,
             styled: self.model.has_style(),
             normalisation: scene.normalisation,
-            photos: photos
-                .map(|photo| (photo.name.clone(), photo.split, photo.camera))
-                .collect(),
+            photos: scene.photos.clone(),
         }
     }
 
@@ -108,58 +105,12 @@ impl Painter for ModelPainter {
     }
 }
 
-impl View for PreparedView {
+impl ViewGeometry for PreparedView {
     fn depth(&self) -> &[f32] {
         Self::depth(self)
     }
 
     fn bytes(&self) -> usize {
         Self::bytes(self)
-    }
-}
-
-/// The things that were used last.
-struct Kept<K, V> {
-    most: usize,
-    all: VecDeque<(K, V)>,
-}
-
-impl<K: PartialEq, V: Clone> Kept<K, V> {
-    fn new(most: usize) -> Self {
-        Self {
-            most,
-            all: VecDeque::new(),
-        }
-    }
-
-    fn get(&mut self, key: &K) -> Option<V> {
-        let index = self.all.iter().position(|(known, _)| known == key)?;
-        let found = self.all.remove(index)?;
-        let value = found.1.clone();
-        self.all.push_back(found);
-        Some(value)
-    }
-
-    fn keep(&mut self, key: K, value: V) {
-        if self.all.len() >= self.most {
-            self.all.pop_front();
-        }
-        self.all.push_back((key, value));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_was_used_last_is_kept() {
-        let mut kept = Kept::new(2);
-        kept.keep("a", 1);
-        kept.keep("b", 2);
-        assert_eq!(kept.get(&"a"), Some(1));
-        kept.keep("c", 3);
-        assert_eq!(kept.get(&"b"), None);
-        assert_eq!((kept.get(&"a"), kept.get(&"c")), (Some(1), Some(3)));
     }
 }

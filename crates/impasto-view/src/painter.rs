@@ -2,13 +2,13 @@
 
 use image::RgbImage;
 use impasto_scene::{Camera, Normalisation, Split, Vantage};
-use impasto_train::Coats;
+use impasto_train::{Coats, ModelPhoto};
 use serde_json::{Value, json};
 
 /// Shows a scene from anywhere, and paints it. It works for one thread, which owns it.
 pub trait Painter: Send + 'static {
     /// The geometry of a view: costly to make, cheap to paint.
-    type View: View;
+    type Geometry: ViewGeometry;
     /// Coats of paint, ready.
     type Paint;
 
@@ -16,10 +16,10 @@ pub trait Painter: Send + 'static {
     fn facts(&self) -> SceneFacts;
 
     /// The geometry that a camera sees, one ray a pixel.
-    fn view(&self, camera: &Camera) -> Self::View;
+    fn view(&self, camera: &Camera) -> Self::Geometry;
 
     /// Colours of a view, height × width × 3 in `[0, 1]`; without paint as photographed.
-    fn paint(&self, view: &Self::View, paint: Option<&Self::Paint>) -> Vec<f32>;
+    fn paint(&self, view: &Self::Geometry, paint: Option<&Self::Paint>) -> Vec<f32>;
 
     /// Makes coats ready. `pictures` gives the painting of an id.
     ///
@@ -32,7 +32,7 @@ pub trait Painter: Send + 'static {
 pub type Pictures<'a> = &'a dyn Fn(&str) -> Result<RgbImage, String>;
 
 /// The geometry of a view.
-pub trait View {
+pub trait ViewGeometry {
     /// Depth along the camera's axis in scene units, row by row; infinite where nothing is.
     fn depth(&self) -> &[f32];
 
@@ -51,25 +51,25 @@ pub struct SceneFacts {
     pub styled: bool,
     /// The way back to the capture's coordinates.
     pub normalisation: Normalisation,
-    /// Its photos' names, splits and cameras.
-    pub photos: Vec<(String, Split, Camera)>,
+    /// Its photos.
+    pub photos: Vec<ModelPhoto>,
 }
 
 impl SceneFacts {
     /// The answer of `GET /api/scene`.
     pub fn json(&self) -> Value {
         let of = |split| {
-            let photos = self.photos.iter().filter(move |(_, s, _)| *s == split);
-            photos.map(|(_, _, camera)| *camera).collect::<Vec<_>>()
+            let photos = self.photos.iter().filter(|photo| photo.split == split);
+            photos.map(|photo| photo.camera).collect::<Vec<_>>()
         };
         let vantage = Vantage::of(&of(Split::Train)).or_else(|| Vantage::of(&of(Split::Test)));
-        let first = self.photos.first().map(|(_, _, camera)| camera);
-        let photo = |(name, split, camera): &(String, Split, Camera)| {
+        let first = self.photos.first().map(|photo| &photo.camera);
+        let photo = |photo: &ModelPhoto| {
             json!({
-                "name": name,
-                "split": split,
-                "camera_to_world": camera.camera_to_world.to_cols_array(),
-                "fov": camera.fov(),
+                "name": photo.name,
+                "split": photo.split,
+                "camera_to_world": photo.camera.camera_to_world.to_cols_array(),
+                "fov": photo.camera.fov(),
             })
         };
         json!({

@@ -19,7 +19,9 @@ const LINE: usize = 1 << 16;
 
 /// What is known of a run.
 #[derive(Debug, Default)]
-pub(crate) struct Run {
+pub(crate) struct TrainingRun {
+    /// Whether it goes on.
+    is_training: bool,
     stage: Option<String>,
     step: u64,
     progress: f64,
@@ -34,10 +36,10 @@ pub(crate) struct Run {
     is_over: bool,
 }
 
-impl Run {
+impl TrainingRun {
     /// The answer of `GET /api/run`.
-    pub(crate) fn json(&self, training: bool) -> Value {
-        if !training {
+    pub(crate) fn json(&self) -> Value {
+        if !self.is_training {
             return json!({"training": false});
         }
         let losses: Vec<_> = self
@@ -63,7 +65,7 @@ impl Run {
         self.preview.as_deref()
     }
 
-    fn hear(&mut self, event: &Value, folder: &Path) {
+    fn apply(&mut self, event: &Value, folder: &Path) {
         let number = |key: &str| event[key].as_f64();
         match event["event"].as_str() {
             Some("loaded") => *self = Self::default(),
@@ -117,7 +119,7 @@ impl Run {
 /// Follows the log of a model's folder.
 pub(crate) struct LogTail {
     folder: PathBuf,
-    read: u64,
+    offset: u64,
     torn: Vec<u8>,
 }
 
@@ -125,13 +127,21 @@ impl LogTail {
     pub(crate) fn new(folder: PathBuf) -> Self {
         Self {
             folder,
-            read: 0,
+            offset: 0,
             torn: Vec::new(),
         }
     }
 
-    /// Reads what is new; whether anything is, and whether a training goes on.
-    pub(crate) fn follow(&mut self, run: &mut Run) -> (bool, bool) {
+    /// Reads what is new; whether the run has changed.
+    pub(crate) fn follow(&mut self, run: &mut TrainingRun) -> bool {
+        let before = run.is_training;
+        let (heard, is_training) = self.read(run);
+        run.is_training = is_training;
+        heard || before != is_training
+    }
+
+    /// Whether anything is new, and whether a training goes on.
+    fn read(&mut self, run: &mut TrainingRun) -> (bool, bool) {
         let path = self.folder.join("log.jsonl");
         let Ok(facts) = std::fs::metadata(&path) else {
             return (false, false);
@@ -141,21 +151,21 @@ impl LogTail {
             .ok()
             .and_then(|time| SystemTime::now().duration_since(time).ok());
         let alive = age.is_none_or(|age| age < ALIVE);
-        if facts.len() < self.read {
+        if facts.len() < self.offset {
             // Another run began anew.
-            *run = Run::default();
-            self.read = 0;
+            *run = TrainingRun::default();
+            self.offset = 0;
             self.torn.clear();
         }
-        let heard = facts.len() > self.read && self.read_on(&path, run).is_some();
+        let heard = facts.len() > self.offset && self.read_on(&path, run).is_some();
         (heard, alive && !run.is_over && run.stage.is_some())
     }
 
-    fn read_on(&mut self, path: &Path, run: &mut Run) -> Option<()> {
+    fn read_on(&mut self, path: &Path, run: &mut TrainingRun) -> Option<()> {
         let mut file = File::open(path).ok()?;
-        file.seek(SeekFrom::Start(self.read)).ok()?;
+        file.seek(SeekFrom::Start(self.offset)).ok()?;
         let read = file.take(AT_A_TIME).read_to_end(&mut self.torn).ok()?;
-        self.read += read as u64;
+        self.offset += read as u64;
         let whole = self.torn.iter().rposition(|byte| *byte == b'\n');
         let rest = self.torn.split_off(whole.map_or(0, |end| end + 1));
         let lines = std::mem::replace(&mut self.torn, rest);
@@ -164,7 +174,7 @@ impl LogTail {
         }
         for line in lines.split(|byte| *byte == b'\n') {
             if let Ok(event) = serde_json::from_slice::<Value>(line) {
-                run.hear(&event, &self.folder);
+                run.apply(&event, &self.folder);
             }
         }
         Some(())
@@ -183,22 +193,26 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("log.jsonl");
         let mut tail = LogTail::new(dir.path().to_owned());
-        let mut run = Run::default();
-        assert_eq!(tail.follow(&mut run), (false, false));
+        let mut run = TrainingRun::default();
+        assert_eq!(tail.read(&mut run), (false, false));
         let mut log = File::create(&path).unwrap();
+        let answer = |run: &mut TrainingRun| {
+            run.is_training = true;
+            run.json()
+        };
         let mut say = |text: &str| log.write_all(text.as_bytes()).unwrap();
         say("{\"event\":\"stage_started\",\"stage\":\"geometry\"}\nnonsense\n{\"event\":\"step\",");
-        assert_eq!(tail.follow(&mut run), (true, true));
-        assert_eq!(run.json(true)["step"], 0);
+        assert_eq!(tail.read(&mut run), (true, true));
+        assert_eq!(answer(&mut run)["step"], 0);
         say("\"stage\":\"geometry\",\"step\":7,\"progress\":0.5,\"loss\":0.25,");
         say("\"seconds_since_start\":3.5}\n{\"event\":\"validation\",\"psnr\":21.5}\n");
-        assert_eq!(tail.follow(&mut run), (true, true));
-        let said = run.json(true);
+        assert_eq!(tail.read(&mut run), (true, true));
+        let said = answer(&mut run);
         assert_eq!((&said["step"], &said["psnr"]), (&7.into(), &21.5.into()));
         assert_eq!(said["losses"], json!([[3.5, 0.25]]));
-        assert_eq!(tail.follow(&mut run), (false, true));
+        assert_eq!(tail.read(&mut run), (false, true));
         say("{\"event\":\"done\",\"seconds\":9}\n");
-        assert_eq!(tail.follow(&mut run), (true, false));
+        assert_eq!(tail.read(&mut run), (true, false));
     }
 
     #[test]
@@ -207,20 +221,20 @@ mod tests {
         std::fs::create_dir(dir.path().join("previews")).unwrap();
         std::fs::write(dir.path().join("previews/1.png"), "").unwrap();
         std::fs::write(dir.path().join("secret.png"), "").unwrap();
-        let mut run = Run::default();
+        let mut run = TrainingRun::default();
         for (path, shown) in [
             ("x/previews/1.png", true),
             ("../secret.png", false),
             ("..", false),
         ] {
-            run.hear(&json!({"event": "preview", "path": path}), dir.path());
+            run.apply(&json!({"event": "preview", "path": path}), dir.path());
             assert_eq!(run.preview().is_some(), shown, "{path}");
         }
     }
 
     #[test]
     fn curves_stay_short() {
-        let mut run = Run::default();
+        let mut run = TrainingRun::default();
         for i in 0..100_000 {
             run.add((f64::from(i), 1.0));
         }

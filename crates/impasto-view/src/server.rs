@@ -12,19 +12,19 @@ use tokio::sync::watch;
 
 use crate::clients::Clients;
 use crate::error::ViewError;
-use crate::favourites::Shelf;
+use crate::favourites::Favourites;
 use crate::follow::Follower;
-use crate::gallery::Gallery;
-use crate::http::{Guard, Own, Shared, Studio, serve};
+use crate::gallery::PaintingLibrary;
+use crate::http::{AccessGuard, AppState, serve};
 use crate::jobs::Jobs;
 use crate::options::ViewOptions;
 use crate::painter::Painter;
-use crate::rendering::Rendering;
-use crate::run::Run;
+use crate::rendering::ViewRenderer;
+use crate::shared::Shared;
 use crate::workshop::Workshop;
 
-/// How often the network looks whether the studio closes.
-const LOOK: Duration = Duration::from_millis(50);
+/// How often the network checks whether the studio closes.
+const POLL: Duration = Duration::from_millis(50);
 /// Time for pages to hear that it does.
 const FAREWELL: Duration = Duration::from_millis(100);
 
@@ -41,10 +41,9 @@ pub struct Opening<P> {
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
-    guard: Guard,
+    guard: AccessGuard,
     options: ViewOptions,
-    gallery: Gallery,
-    shelf: Arc<Shelf>,
+    library: PaintingLibrary,
 }
 
 impl Server {
@@ -53,14 +52,7 @@ impl Server {
     /// # Errors
     /// If it is taken, the address is none of this machine's, or the paintings cannot be listed.
     pub fn bind(options: ViewOptions) -> Result<Self, ViewError> {
-        let shelf = Arc::new(Shelf::new(&options.model));
-        let gallery = Gallery::new(
-            options.styles.as_deref(),
-            &options.scratch,
-            options.limits,
-            shelf.clone(),
-        );
-        let gallery = gallery.map_err(|source| ViewError::Styles {
+        let library = PaintingLibrary::new(&options).map_err(|source| ViewError::Styles {
             folder: options
                 .styles
                 .iter()
@@ -79,12 +71,11 @@ impl Server {
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
         Ok(Self {
-            guard: Guard::new(options.token, address.port())?,
+            guard: AccessGuard::new(options.token, address.port())?,
             listener,
             address,
             options,
-            gallery,
-            shelf,
+            library,
         })
     }
 
@@ -129,41 +120,40 @@ impl Server {
         let facts = opening.first.as_ref().map(|p| Arc::new(p.facts()));
         let shared = Shared {
             clients: Arc::new(Clients::new(options.limits.sockets)),
-            gallery: Arc::new(self.gallery),
-            shelf: self.shelf,
+            library: Arc::new(self.library),
+            favourites: Arc::new(Favourites::new(&options.model)),
             jobs: Arc::new(Jobs::new(options.scratch.clone())),
             facts: Arc::new(Mutex::new(facts)),
-            run: Arc::new(Mutex::new((Run::default(), false))),
+            run: Arc::default(),
         };
         let (tell, closing) = watch::channel(false);
-        let own = Own {
-            guard: self.guard,
-            limits: options.limits,
-            formats: workshop.formats(),
-            name: name.unwrap_or_default(),
-            closing,
-        };
         let close = Stop::default();
         let arriving = Arc::new(Mutex::new(opening.first));
         shared.clients.call();
-        let rendering = Rendering {
-            clients: shared.clients.clone(),
-            gallery: shared.gallery.clone(),
-            arriving: arriving.clone(),
-            geometry: options.limits.geometry,
-        };
+        let geometry = options.limits.geometry;
+        let (painters, rendered) = (arriving.clone(), shared.clone());
         let follower = Follower::new(&options.model, opening.again, arriving, shared.clone());
-        let (jobs, clients) = (shared.jobs.clone(), shared.clients.clone());
-        let gallery = shared.gallery.clone();
+        let formats = workshop.formats();
+        let work = shared.clone();
         let threads = [
-            spawn("render", &close, move |stop| rendering.run(stop))?,
+            // What the painter makes stays on its thread.
+            spawn("render", &close, move |stop| {
+                ViewRenderer::new(rendered, painters, geometry).run(stop);
+            })?,
             spawn("follow", &close, move |stop| follower.run(stop))?,
             spawn("workshop", &close, move |stop| {
-                jobs.run(workshop.as_mut(), (&clients, &gallery), stop);
+                let Shared {
+                    jobs,
+                    clients,
+                    library,
+                    ..
+                } = work;
+                jobs.run(workshop.as_mut(), &clients, &library, stop);
             })?,
         ];
-        let studio = Arc::new(Studio::new(own, shared));
-        let served = network(studio, self.listener, &[stop, &close], &tell);
+        let name = name.unwrap_or_default();
+        let state = AppState::new(self.guard, options.limits, formats, name, shared, closing);
+        let served = network(Arc::new(state), self.listener, &[stop, &close], &tell);
         close.request();
         for thread in threads {
             if let Err(panic) = thread.join() {
@@ -197,7 +187,7 @@ fn spawn(
 
 /// Runs the network on this thread until one of several stops.
 fn network(
-    studio: Arc<Studio>,
+    state: Arc<AppState>,
     listener: TcpListener,
     stops: &[&Stop],
     tell: &watch::Sender<bool>,
@@ -209,14 +199,14 @@ fn network(
         let listener = tokio::net::TcpListener::from_std(listener)?;
         let stopped = async {
             while !stops.iter().any(|stop| stop.is_requested()) {
-                tokio::time::sleep(LOOK).await;
+                tokio::time::sleep(POLL).await;
             }
             // Nobody listens any more if there is no page.
             let _ = tell.send(true);
             tokio::time::sleep(FAREWELL).await;
         };
         tokio::select! {
-            served = serve(studio, listener) => served,
+            served = serve(state, listener) => served,
             () = stopped => Ok(()),
         }
     });

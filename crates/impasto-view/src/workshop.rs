@@ -82,24 +82,6 @@ pub struct ExportOrder {
     pub folder: PathBuf,
 }
 
-/// A workshop that makes nothing.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct NoWorkshop;
-
-impl Workshop for NoWorkshop {
-    fn formats(&self) -> Formats {
-        Formats::default()
-    }
-
-    fn film(&mut self, _: &FilmOrder, _: Progress<'_>, _: &Stop) -> Made {
-        Err("films cannot be made here".into())
-    }
-
-    fn export(&mut self, _: &ExportOrder, _: Progress<'_>, _: &Stop) -> Made {
-        Err("exports cannot be made here".into())
-    }
-}
-
 /// Body of `POST /api/films`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

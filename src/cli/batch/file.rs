@@ -12,6 +12,8 @@ use serde_json::Value;
 
 use crate::cli::CliError;
 use crate::cli::painting::PaintingSource;
+use crate::cli::render::RenderSettings;
+use crate::cli::train::Preset;
 use crate::cli::values;
 
 /// What is to be trained, and what rendered.
@@ -40,10 +42,10 @@ pub struct TrainTable {
     pub encoder: Option<PathBuf>,
     /// What to train.
     #[serde(default)]
-    pub stage: Stage,
+    pub stage: BatchStages,
     /// Sizes and schedules to start from.
     #[serde(default)]
-    pub preset: PresetName,
+    pub preset: Preset,
     /// Time for training.
     #[serde(default, deserialize_with = "budget")]
     pub budget: Option<Duration>,
@@ -51,8 +53,8 @@ pub struct TrainTable {
     #[serde(default, deserialize_with = "positive")]
     pub steps: Option<u64>,
     /// How many times to shrink the photos.
-    #[serde(default, deserialize_with = "downscale")]
-    pub downscale: Option<u32>,
+    #[serde(default = "one", deserialize_with = "downscale")]
+    pub downscale: u32,
     /// The capture's format, where it is not to be detected.
     pub format: Option<Format>,
     /// Start of the random numbers.
@@ -71,23 +73,12 @@ pub struct TrainTable {
 /// Stages to train.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Stage {
+pub enum BatchStages {
     /// Geometry, then style.
     #[default]
     All,
     /// The scene as photographed.
     Geometry,
-}
-
-/// Names of presets.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PresetName {
-    /// For a CPU.
-    #[default]
-    Fast,
-    /// The paper's.
-    Paper,
 }
 
 /// Every model in every style from all views.
@@ -130,6 +121,18 @@ pub struct RenderTable {
     pub output: String,
 }
 
+impl RenderTable {
+    /// How its frames are rendered.
+    pub fn settings(&self) -> RenderSettings {
+        RenderSettings {
+            strength: self.strength,
+            supersampling: self.supersampling,
+            keep: self.keep_color,
+            mask: self.mask.clone(),
+        }
+    }
+}
+
 fn orbit() -> Vec<String> {
     vec!["orbit".into()]
 }
@@ -146,24 +149,30 @@ fn output() -> String {
     "out/{model}/{style}/{views}".into()
 }
 
-fn budget<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Duration>, D::Error> {
+/// A value that is written as on the command line.
+fn parsed<'de, D: Deserializer<'de>, T>(
+    from: D,
+    parse: fn(&str) -> Result<T, String>,
+) -> Result<Option<T>, D::Error> {
     let text = String::deserialize(from)?;
-    values::duration(&text).map(Some).map_err(D::Error::custom)
+    parse(&text).map(Some).map_err(D::Error::custom)
+}
+
+fn budget<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Duration>, D::Error> {
+    parsed(from, values::duration)
 }
 
 fn size<'de, D: Deserializer<'de>>(from: D) -> Result<Option<(u32, u32)>, D::Error> {
-    let text = String::deserialize(from)?;
-    values::size(&text).map(Some).map_err(D::Error::custom)
+    parsed(from, values::size)
+}
+
+fn mask<'de, D: Deserializer<'de>>(from: D) -> Result<Option<MaskSpec>, D::Error> {
+    parsed(from, values::mask)
 }
 
 fn strength<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
     let number = f32::deserialize(from)?;
     values::share(&number.to_string()).map_err(D::Error::custom)
-}
-
-fn mask<'de, D: Deserializer<'de>>(from: D) -> Result<Option<MaskSpec>, D::Error> {
-    let text = String::deserialize(from)?;
-    values::mask(&text).map(Some).map_err(D::Error::custom)
 }
 
 /// A whole number from `least` to `most`.
@@ -185,8 +194,8 @@ fn positive<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error>
     ranged(from, 1, u64::MAX).map(Some)
 }
 
-fn downscale<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u32>, D::Error> {
-    ranged(from, 1, u32::MAX.into()).map(|number| Some(number as u32))
+fn downscale<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
+    ranged(from, 1, u32::MAX.into()).map(|number| number as u32)
 }
 
 fn frames<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Error> {
@@ -201,11 +210,8 @@ fn supersampling<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
 pub fn read(path: &Path) -> Result<JobsFile, CliError> {
     let text = fs::read_to_string(path).map_err(CliError::read(path))?;
     let refuse = |error: toml::de::Error| {
-        let line = error.span().map(|span| {
-            let before = text.get(..span.start).unwrap_or_default();
-            format!(", line {}", before.matches('\n').count() + 1)
-        });
-        let line = line.unwrap_or_default();
+        let line = values::line_of(&error, &text);
+        let line = line.map_or_else(String::new, |line| format!(", line {line}"));
         CliError::Refused(format!("{}{line}: {}", path.display(), error.message()))
     };
     let mut file: JobsFile = toml::from_str(&text).map_err(refuse)?;

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use impasto::scene::is_picture;
 use impasto_train::StyleFolder;
@@ -9,11 +10,11 @@ use impasto_train::StyleFolder;
 use super::file::{JobsFile, RenderTable, TrainTable};
 use crate::cli::CliError;
 use crate::cli::painting::PaintingSource;
-use crate::cli::render::{FRAMES, RenderSettings, ViewSource};
+use crate::cli::render::{FRAMES, ViewSource};
 
 /// Everything to do. Items are numbered: models to train first, then renders.
 #[derive(Debug)]
-pub struct Plan {
+pub struct BatchPlan {
     /// Models to train, item `i` the `i`-th.
     pub trains: Vec<TrainTable>,
     /// Renders, by model, so that each is loaded once.
@@ -28,7 +29,7 @@ pub struct ModelWork {
     /// The paintings that any render is in.
     pub styles: Vec<StyleSource>,
     /// Renders, by views.
-    pub groups: Vec<Group>,
+    pub groups: Vec<ViewGroup>,
 }
 
 /// A painting, or the photos' own look.
@@ -42,23 +43,15 @@ pub struct StyleSource {
 
 /// Renders of one model from the same views: geometry is computed once for all.
 #[derive(Debug)]
-pub struct Group {
+pub struct ViewGroup {
     /// A running number.
     pub turn: usize,
     /// What the views are called.
     pub name: String,
     /// From where.
     pub views: ViewSource,
-    /// Size of a frame.
-    pub size: Option<(u32, u32)>,
-    /// Number of frames.
-    pub frames: Option<usize>,
-    /// How frames are rendered.
-    pub settings: RenderSettings,
-    /// Whether there are depth files.
-    pub depth: bool,
-    /// Whether the scene as photographed is beside each style.
-    pub side_by_side: bool,
+    /// The table that asks for it.
+    pub table: Rc<RenderTable>,
     /// One per style.
     pub items: Vec<RenderItem>,
 }
@@ -74,17 +67,17 @@ pub struct RenderItem {
     pub output: PathBuf,
 }
 
-impl Group {
+impl ViewGroup {
     /// Number of frames, where that does not depend on the model or on a file.
     pub fn known_frames(&self) -> Option<usize> {
         match self.views {
-            ViewSource::Orbit | ViewSource::Spiral => Some(self.frames.unwrap_or(FRAMES)),
+            ViewSource::Orbit | ViewSource::Spiral => Some(self.table.frames.unwrap_or(FRAMES)),
             _ => None,
         }
     }
 }
 
-impl Plan {
+impl BatchPlan {
     /// Puts a file's items in order; `path` is only told.
     pub fn new(file: JobsFile, path: &Path) -> Result<Self, CliError> {
         let refuse = |problem: String| CliError::Refused(format!("{}: {problem}", path.display()));
@@ -92,7 +85,7 @@ impl Plan {
             trains: file.train,
             models: Vec::new(),
         };
-        for table in &file.render {
+        for table in file.render {
             plan.add(table).map_err(refuse)?;
         }
         if plan.trains.is_empty() && plan.models.is_empty() {
@@ -104,11 +97,12 @@ impl Plan {
         Ok(plan)
     }
 
-    fn add(&mut self, table: &RenderTable) -> Result<(), String> {
-        let styles = styles(table)?;
+    fn add(&mut self, table: RenderTable) -> Result<(), String> {
+        let styles = styles(&table)?;
         if table.side_by_side && (table.styles.is_none() || table.depth) {
             return Err("side_by_side needs styles, and goes without depth".into());
         }
+        let table = Rc::new(table);
         for path in &table.models {
             let at = self.models.iter().position(|work| work.path == *path);
             let at = at.unwrap_or_else(|| {
@@ -119,7 +113,7 @@ impl Plan {
                 });
                 self.models.len() - 1
             });
-            self.models[at].add(table, &styles)?;
+            self.models[at].add(&table, &styles)?;
         }
         Ok(())
     }
@@ -138,13 +132,9 @@ impl Plan {
 
     /// No two items may write to the same place.
     fn check_apart(&self) -> Result<(), String> {
-        let groups = self.models.iter().flat_map(|work| &work.groups);
-        let renders = groups.flat_map(|group| &group.items);
-        let outputs = self
-            .trains
-            .iter()
-            .map(|train| &train.model)
-            .chain(renders.map(|item| &item.output));
+        let renders = self.models.iter().flat_map(ModelWork::items);
+        let outputs =
+            (self.trains.iter().map(|train| &train.model)).chain(renders.map(|item| &item.output));
         let mut taken = HashMap::new();
         for (number, output) in outputs.enumerate() {
             if let Some(first) = taken.insert(output, number) {
@@ -160,7 +150,12 @@ impl Plan {
 }
 
 impl ModelWork {
-    fn add(&mut self, table: &RenderTable, styles: &[StyleSource]) -> Result<(), String> {
+    /// All renders.
+    pub fn items(&self) -> impl Iterator<Item = &RenderItem> {
+        self.groups.iter().flat_map(|group| &group.items)
+    }
+
+    fn add(&mut self, table: &Rc<RenderTable>, styles: &[StyleSource]) -> Result<(), String> {
         let model = name_of(&self.path);
         for views in &table.views {
             let name = name_of(Path::new(views));
@@ -175,20 +170,11 @@ impl ModelWork {
                 })
             });
             let items = items.collect::<Result<_, String>>()?;
-            self.groups.push(Group {
+            self.groups.push(ViewGroup {
                 turn: 0,
                 name,
                 views: source,
-                size: table.size,
-                frames: table.frames,
-                settings: RenderSettings {
-                    strength: table.strength,
-                    supersampling: table.supersampling,
-                    keep: table.keep_color,
-                    mask: table.mask.clone(),
-                },
-                depth: table.depth,
-                side_by_side: table.side_by_side,
+                table: Rc::clone(table),
                 items,
             });
         }
@@ -207,9 +193,10 @@ impl ModelWork {
 
 /// A file's or folder's name without its ending.
 fn name_of(path: &Path) -> String {
-    let name = match path.is_dir() {
-        true => path.file_name(),
-        false => path.file_stem(),
+    let name = if path.is_dir() {
+        path.file_name()
+    } else {
+        path.file_stem()
     };
     name.unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -282,14 +269,13 @@ fn filled(pattern: &str, model: &str, style: &str, views: &str) -> Result<PathBu
 mod tests {
     use super::*;
 
-    fn plan(text: &str) -> Result<Plan, String> {
+    fn plan(text: &str) -> Result<BatchPlan, String> {
         let file = toml::from_str(text).unwrap();
-        Plan::new(file, Path::new("jobs.toml")).map_err(|e| e.to_string())
+        BatchPlan::new(file, Path::new("jobs.toml")).map_err(|e| e.to_string())
     }
 
-    fn outputs(plan: &Plan) -> Vec<(usize, String)> {
-        let groups = plan.models.iter().flat_map(|work| &work.groups);
-        let items = groups.flat_map(|group| &group.items);
+    fn outputs(plan: &BatchPlan) -> Vec<(usize, String)> {
+        let items = plan.models.iter().flat_map(ModelWork::items);
         items
             .map(|item| (item.number, item.output.display().to_string()))
             .collect()
@@ -318,7 +304,7 @@ mod tests {
         let frames: Vec<_> = plan.models[0]
             .groups
             .iter()
-            .map(Group::known_frames)
+            .map(ViewGroup::known_frames)
             .collect();
         assert_eq!(frames, [Some(FRAMES), None, Some(3)]);
     }
@@ -356,7 +342,11 @@ mod tests {
                 .unwrap_err()
                 .contains("without depth")
         );
-        assert!(plan(&styled).unwrap().models[0].groups[0].side_by_side);
+        assert!(
+            plan(&styled).unwrap().models[0].groups[0]
+                .table
+                .side_by_side
+        );
     }
 
     #[test]

@@ -1,57 +1,58 @@
 //! Renders of a batch.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
+use std::slice;
 
 use impasto::{Coat, Device, Look};
 use serde_json::Value;
 
-use super::Report;
-use super::plan::{Group, ModelWork, StyleSource};
+use super::plan::{ModelWork, StyleSource, ViewGroup};
+use super::report::BatchReport;
 use crate::cli::CliError;
 use crate::cli::painting::PaintingSource;
-use crate::cli::progress::Frames;
-use crate::cli::render::{KnownModel, Styles, distinguished, views};
+use crate::cli::progress::FrameProgress;
+use crate::cli::render::{KnownModel, Mixture, distinguished_mixtures, views};
 use crate::cli::shard::Shard;
-use crate::output::{Contents, Frame, Layout, SharedFolder, View};
+use crate::output::{FrameLayout, RenderedFrame, SharedFolder, SharedFrames, Viewpoint};
 
 /// Renders this shard's part of everything that a model is rendered for.
-pub fn run(work: &ModelWork, shard: Shard, device: Device, report: &mut Report) {
-    let mut studio = match KnownModel::load(&work.path, device) {
-        Ok(known) => Studio {
-            known,
-            styles: work.styles.iter().map(Painted::new).collect(),
-        },
-        Err(error) => {
-            for group in &work.groups {
-                report.all_failed(&group.items, &error);
-            }
-            return;
-        }
+///
+/// # Errors
+/// When the model cannot be loaded.
+pub fn run(
+    work: &ModelWork,
+    shard: Shard,
+    device: Device,
+    report: &mut BatchReport,
+) -> Result<(), CliError> {
+    let mut renderer = ModelRenderer {
+        known: KnownModel::load(&work.path, device)?,
+        styles: work.styles.iter().map(KnownStyle::new).collect(),
     };
     for group in &work.groups {
-        let known = &studio.known.model;
-        match views(known, &group.views, group.size, group.frames) {
-            Ok(views) => studio.render(group, &views, shard, report),
+        let model = &renderer.known.model;
+        match views(model, &group.views, group.table.size, group.table.frames) {
+            Ok(views) => renderer.render(group, &views, shard, report),
             Err(error) => report.all_failed(&group.items, &error),
         }
     }
+    Ok(())
 }
 
 /// A loaded model, and what is known of the styles so far.
-struct Studio<'a> {
+struct ModelRenderer<'a> {
     known: KnownModel,
-    styles: Vec<Painted<'a>>,
+    styles: Vec<KnownStyle<'a>>,
 }
 
-struct Painted<'a> {
+struct KnownStyle<'a> {
     source: &'a StyleSource,
     distinguished: Option<Value>,
     /// Nothing before it is made; then the look, or none for the photos' own.
     look: Option<Option<Look>>,
 }
 
-impl<'a> Painted<'a> {
+impl<'a> KnownStyle<'a> {
     fn new(source: &'a StyleSource) -> Self {
         Self {
             source,
@@ -60,87 +61,80 @@ impl<'a> Painted<'a> {
         }
     }
 
-    /// Reads the painting. Not kept: there may be many.
-    fn read(&self) -> Result<Styles, CliError> {
-        Ok(match &self.source.painting {
-            Some(painting) => Styles::Each(vec![(self.source.name.clone(), painting.read()?)]),
-            None => Styles::Photo,
-        })
+    /// Reads the painting, and tells what distinguishes it from others. Not kept: there may be many.
+    fn read(&self) -> Result<(Mixture, Value), CliError> {
+        let mixture = match &self.source.painting {
+            Some(painting) => Mixture::single(self.source.name.clone(), painting.read()?),
+            None => Mixture::photo(),
+        };
+        let distinguished = distinguished_mixtures(slice::from_ref(&mixture));
+        Ok((mixture, distinguished))
     }
 
     fn distinguished(&mut self) -> Result<Value, CliError> {
-        if self.distinguished.is_none() {
-            self.distinguished = Some(distinguished(&self.read()?));
-        }
-        Ok(self.distinguished.clone().unwrap_or_default())
+        let known = match self.distinguished.take() {
+            Some(known) => known,
+            None => self.read()?.1,
+        };
+        Ok(self.distinguished.insert(known).clone())
     }
 
-    /// Works the look out if it is not known yet.
-    fn make(&mut self, known: &KnownModel) -> Result<(), CliError> {
+    /// Computes the look if it is not known yet.
+    fn compute(&mut self, known: &KnownModel) -> Result<(), CliError> {
         if self.look.is_none() {
-            let styles = self.read()?;
-            if self.distinguished.as_ref() != Some(&distinguished(&styles)) {
+            let (mixture, distinguished) = self.read()?;
+            if self.distinguished.as_ref() != Some(&distinguished) {
                 return Err(CliError::Refused(format!(
                     "the painting {} was replaced in between; choose another output for the new one",
                     self.source.name
                 )));
             }
-            let looks = styles.looks(&known.model, None)?;
-            self.look = looks.into_iter().next().map(|(_, look)| look);
+            self.look = Some(mixture.look(&known.model)?);
         }
         Ok(())
     }
 }
 
 /// A render's folder, until something fails there.
-struct Open {
+struct OpenFolder {
     folder: SharedFolder,
     rendered: usize,
     kept: usize,
 }
 
-impl Studio<'_> {
+impl ModelRenderer<'_> {
     /// Renders a shard's block of a group's pictures. They are in the order of frames, and in each
     /// of styles, so that most of a block's frames are in all styles and computed at once.
-    fn render(&mut self, group: &Group, views: &[View], shard: Shard, report: &mut Report) {
+    fn render(
+        &mut self,
+        group: &ViewGroup,
+        views: &[Viewpoint],
+        shard: Shard,
+        report: &mut BatchReport,
+    ) {
         let styles = group.items.len();
         let block = shard.block(views.len() * styles, group.turn);
         if block.is_empty() {
             return;
         }
-        let mut open: Vec<Option<Open>> = (0..styles)
+        let mut open: Vec<Option<OpenFolder>> = (0..styles)
             .map(|i| meets(&block, i, styles).then(|| self.open(group, i, views)))
             .zip(&group.items)
             .map(|(opened, item)| opened?.map_err(|error| report.failed(item, &error)).ok())
             .collect();
         let frames = block.start / styles..block.end.div_ceil(styles);
         let title = format!("{} {}", self.known.model.file.scene.name, group.name);
-        let mut progress = Frames::titled(&title, frames.len());
+        let mut progress = FrameProgress::new(&title, frames.len());
         for frame in frames {
-            let mut missing = BTreeSet::new();
-            for (i, opened) in open.iter_mut().enumerate() {
-                let Some(open) = opened.as_mut() else {
-                    continue;
-                };
-                if !block.contains(&(frame * styles + i)) {
-                    continue;
-                }
-                if !open.folder.lacks(frame) {
-                    open.kept += 1;
-                    continue;
-                }
-                let item = &group.items[i];
-                match self.styles[item.style].make(&self.known) {
-                    Ok(()) => {
-                        missing.insert(i);
-                    }
-                    Err(error) => {
-                        report.failed(item, &error);
-                        *opened = None;
-                    }
+            let own = |i: &usize| block.contains(&(frame * styles + i));
+            let missing = self.missing(group, frame, (0..styles).filter(own), &mut open, report);
+            if let Err(error) = self.frame(group, frame, &views[frame], &missing, &mut open, report)
+            {
+                for &i in &missing {
+                    report.failed(&group.items[i], &error);
+                    open[i] = None;
                 }
             }
-            self.frame(group, (frame, &views[frame]), &missing, &mut open, report);
             progress.tick();
         }
         drop(progress);
@@ -157,46 +151,70 @@ impl Studio<'_> {
         }
     }
 
-    /// Renders a frame in those styles where it is missing.
-    fn frame(
-        &self,
-        group: &Group,
-        (number, view): (usize, &View),
-        missing: &BTreeSet<usize>,
-        open: &mut [Option<Open>],
-        report: &mut Report,
-    ) {
-        if missing.is_empty() {
-            return;
-        }
-        let model = &self.known.model;
-        let coats = missing.iter().map(|&i| {
-            let look = self.styles[group.items[i].style].look.clone().flatten();
-            look.map(|look| group.settings.coat(model, look))
-                .transpose()
-        });
-        let coats: Vec<Option<Coat>> = match coats.collect::<Result<_, _>>() {
-            Ok(coats) => coats,
-            Err(error) => {
-                for &i in missing {
-                    report.failed(&group.items[i], &error);
+    /// Those of a group's items whose frame is missing; their looks are known then.
+    fn missing(
+        &mut self,
+        group: &ViewGroup,
+        frame: usize,
+        items: impl Iterator<Item = usize>,
+        open: &mut [Option<OpenFolder>],
+        report: &mut BatchReport,
+    ) -> Vec<usize> {
+        let mut missing = Vec::new();
+        for i in items {
+            let Some(opened) = open[i].as_mut() else {
+                continue;
+            };
+            if !opened.folder.lacks(frame) {
+                opened.kept += 1;
+                continue;
+            }
+            let item = &group.items[i];
+            match self.styles[item.style].compute(&self.known) {
+                Ok(()) => missing.push(i),
+                Err(error) => {
+                    report.failed(item, &error);
                     open[i] = None;
                 }
-                return;
             }
-        };
-        let original: Option<&[Coat]> = group.side_by_side.then_some(&[]);
+        }
+        missing
+    }
+
+    /// Renders a frame in those styles where it is missing.
+    ///
+    /// # Errors
+    /// When none of them can be put on.
+    fn frame(
+        &self,
+        group: &ViewGroup,
+        number: usize,
+        view: &Viewpoint,
+        missing: &[usize],
+        open: &mut [Option<OpenFolder>],
+        report: &mut BatchReport,
+    ) -> Result<(), CliError> {
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let (model, settings) = (&self.known.model, group.table.settings());
+        let coats = missing.iter().map(|&i| {
+            let look = self.styles[group.items[i].style].look.clone().flatten();
+            look.map(|look| settings.coat(model, look)).transpose()
+        });
+        let coats = coats.collect::<Result<Vec<Option<Coat>>, _>>()?;
+        let original: Option<&[Coat]> = group.table.side_by_side.then_some(&[]);
         let painted = coats.iter().map(Option::as_slice);
         let lists: Vec<&[Coat]> = original.into_iter().chain(painted).collect();
         let first = lists.len() - coats.len();
-        let rendered = model.render_coats(&view.camera, &lists, group.settings.supersampling);
+        let rendered = model.render_coats(&view.camera, &lists, group.table.supersampling);
         for (look, &i) in missing.iter().enumerate() {
             let Some(opened) = open[i].as_mut() else {
                 continue;
             };
             let shown = (0..first).chain([first + look]);
             let pictures = shown.map(|i| rendered.image(i)).collect();
-            let frame = Frame {
+            let frame = RenderedFrame {
                 view,
                 pictures: self.layout(group, i).frames(pictures),
                 depth: &rendered.depth,
@@ -209,30 +227,43 @@ impl Studio<'_> {
                 }
             }
         }
+        Ok(())
     }
 
     /// What the frames of a group's item show.
-    fn layout(&self, group: &Group, item: usize) -> Layout {
+    fn layout(&self, group: &ViewGroup, item: usize) -> FrameLayout {
         let style = &self.styles[group.items[item].style].source.name;
-        match group.side_by_side {
-            true => Layout::side_by_side(vec![style.clone()]),
-            false => Layout::Each(Vec::new()),
+        if group.table.side_by_side {
+            FrameLayout::side_by_side(vec![style.clone()])
+        } else {
+            FrameLayout::Each(Vec::new())
         }
     }
 
-    fn open(&mut self, group: &Group, index: usize, views: &[View]) -> Result<Open, CliError> {
+    fn open(
+        &mut self,
+        group: &ViewGroup,
+        index: usize,
+        views: &[Viewpoint],
+    ) -> Result<OpenFolder, CliError> {
         let item = &group.items[index];
         let style = self.styles[item.style].distinguished()?;
-        let shown = (&self.layout(group, index), group.depth);
-        let (cameras, job) = self.known.job(&style, views, &group.settings, shown);
-        let contents = Contents {
-            variants: &[],
+        let layout = self.layout(group, index);
+        let (cameras, job) = (self.known).job(
+            &style,
+            views,
+            &group.table.settings(),
+            &layout,
+            group.table.depth,
+        );
+        let contents = SharedFrames {
+            layout: &layout,
             frames: views.len(),
-            depth: group.depth,
+            depth: group.table.depth,
             cameras: &cameras,
             job: &job,
         };
-        Ok(Open {
+        Ok(OpenFolder {
             folder: SharedFolder::open(&item.output, &contents)?,
             rendered: 0,
             kept: 0,

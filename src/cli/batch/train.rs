@@ -3,14 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use impasto::scene::MaskUse;
-use impasto::{
-    Budget, Device, Recovery, Stages, TrainOptions, TrainSummary, Unfinished, cache_folder,
-};
+use impasto::{Device, Recovery, Stages, TrainOptions, TrainSummary, Unfinished};
 use impasto_train::MODEL_FILE;
 
-use super::file::{PresetName, Stage, TrainTable};
-use crate::cli::train::{BudgetArgs, Preset, watched};
+use super::file::{BatchStages, TrainTable};
+use crate::cli::train::{BudgetArgs, usual_options, watched};
 use crate::cli::{CliError, settings, to_json};
 use crate::output::{job, put};
 
@@ -38,13 +35,7 @@ pub fn train(table: &TrainTable, device: Device) -> Result<TrainSummary, CliErro
     let others = others.exists().then_some(MODEL_FILE);
     fs::create_dir_all(model).map_err(CliError::write(model))?;
     job::claim(model, &table.written, others)?;
-    let summary = match watched(&options) {
-        Ok(summary) => summary,
-        Err(error) => {
-            release(model);
-            return Err(error);
-        }
-    };
+    let summary = watched(&options).inspect_err(|_| release(model))?;
     let text = format!("{:#}\n", to_json(&summary));
     put(&model.join(SUMMARY), text.as_bytes())?;
     Ok(summary)
@@ -60,34 +51,28 @@ fn release(model: &Path) {
 }
 
 fn options(table: &TrainTable, device: Device) -> Result<TrainOptions, CliError> {
-    let preset = match table.preset {
-        PresetName::Fast => Preset::Fast,
-        PresetName::Paper => Preset::Paper,
+    let budget = BudgetArgs {
+        budget: table.budget,
+        steps: table.steps,
     };
+    let preset = table.preset.config();
     Ok(TrainOptions {
-        scene: table.scene.clone(),
-        output: table.model.clone(),
         styles: table.styles.clone(),
         encoder: table.encoder.clone(),
-        cache: cache_folder(),
         stages: match table.stage {
-            Stage::All => Stages::All,
-            Stage::Geometry => Stages::Geometry,
+            BatchStages::All => Stages::All,
+            BatchStages::Geometry => Stages::Geometry,
         },
-        config: settings::configure(&preset.config(), table.config.as_deref(), &table.set)?,
-        budget: match table.steps {
-            Some(steps) => Budget::Steps(steps),
-            None => Budget::Time(table.budget.unwrap_or(BudgetArgs::DEFAULT)),
-        },
-        downscale: table.downscale.unwrap_or(1),
+        config: settings::configure(&preset, table.config.as_deref(), &table.set)?,
+        budget: budget.get_or(BudgetArgs::DEFAULT),
+        downscale: table.downscale,
         format: table.format,
-        masks: MaskUse::default(),
         seed: table.seed,
-        device,
         recovery: Recovery {
             // A task that was killed and comes again goes on.
             unfinished: Unfinished::Resume,
             ..Recovery::default()
         },
+        ..usual_options(&table.scene, &table.model, device)
     })
 }

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use impasto::scene::Split;
 use impasto::scene::paths::orbit;
-use impasto::scene::{Camera, Split};
 use impasto::{Inspiration, Model};
 
-use super::Style;
+use super::styles::HeldOutStyle;
 use crate::cli::CliError;
-use crate::cli::progress::Frames;
+use crate::cli::progress::FrameProgress;
 use crate::output::{FilmFormat, Gif};
 
 const FRAMES: usize = 48;
@@ -20,12 +20,9 @@ const STYLES: usize = 3;
 const HOLD: f32 = 0.5;
 
 /// Renders the film; it ends where it began.
-pub fn film(model: &Model, styles: &[Style], path: &Path) -> Result<PathBuf, CliError> {
+pub fn film(model: &Model, styles: &[HeldOutStyle], path: &Path) -> Result<PathBuf, CliError> {
     let styles = &styles[..styles.len().min(STYLES)];
-    let train: Vec<Camera> = (model.file.scene.photos.iter())
-        .filter(|photo| photo.split == Split::Train)
-        .map(|photo| photo.camera)
-        .collect();
+    let train = model.file.scene.cameras(Split::Train);
     let size = train.first().map_or((HEIGHT, HEIGHT), |camera| {
         let k = &camera.intrinsics;
         let height = HEIGHT.min(k.height);
@@ -34,7 +31,7 @@ pub fn film(model: &Model, styles: &[Style], path: &Path) -> Result<PathBuf, Cli
     });
     let cameras = orbit(&train, FRAMES, size)?;
     let mut film = Gif::new(path, FilmFormat::Gif.usual_fps());
-    let mut progress = Frames::new(FRAMES);
+    let mut progress = FrameProgress::new("render", FRAMES);
     for (frame, camera) in cameras.iter().enumerate() {
         let (from, to, share) = passage(frame as f32 / FRAMES as f32, styles.len());
         let both = [(from, 1.0 - share), (to, share)];

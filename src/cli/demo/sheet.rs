@@ -6,8 +6,8 @@ use impasto::scene::{Scene, Split, metrics};
 use impasto::{Look, Model};
 use impasto_style::picture;
 
-use super::Style;
-use crate::cli::progress::Frames;
+use super::styles::HeldOutStyle;
+use crate::cli::progress::FrameProgress;
 use crate::output::{grid, lettering};
 
 /// Height of a cell in pixels.
@@ -17,19 +17,16 @@ const SCALE: u32 = 2;
 const INK: Rgb<u8> = Rgb([235, 232, 225]);
 
 /// Photo, reconstruction and every style, for each held-out view; the paintings on top.
-pub fn compose(model: &Model, photos: &Scene, styles: &[Style]) -> RgbImage {
+pub fn compose(model: &Model, photos: &Scene, styles: &[HeldOutStyle]) -> RgbImage {
     let photo_look = model.photo_look();
     let looks: Vec<&Look> = std::iter::once(&photo_look)
         .chain(styles.iter().map(|style| &style.look))
         .collect();
-    let views: Vec<_> = model
-        .file
-        .scene
-        .photos
-        .iter()
-        .filter(|p| p.split == Split::Test)
+    let photographed = model.file.scene.photos.iter();
+    let views: Vec<_> = photographed
+        .filter(|photo| photo.split == Split::Test)
         .collect();
-    let mut progress = Frames::new(views.len());
+    let mut progress = FrameProgress::new("render", views.len());
     let mut rows = Vec::new();
     for view in views {
         let Some(photo) = photos.photos.iter().find(|photo| photo.name == view.name) else {
@@ -44,10 +41,9 @@ pub fn compose(model: &Model, photos: &Scene, styles: &[Style]) -> RgbImage {
             &format!("{} synthetic", photo_name(&view.name)),
         ));
         for i in 0..looks.len() {
-            let caption = if i == 0 {
-                format!("reconstruction {psnr:.1} dB")
-            } else {
-                String::new()
+            let caption = match i {
+                0 => format!("reconstruction {psnr:.1} dB"),
+                _ => String::new(),
             };
             rows.push(captioned(&rendered.image(i), &caption));
         }
@@ -59,7 +55,7 @@ pub fn compose(model: &Model, photos: &Scene, styles: &[Style]) -> RgbImage {
 }
 
 /// The top row: what this is, and the paintings.
-fn header(styles: &[Style], like: Option<&RgbImage>) -> Vec<RgbImage> {
+fn header(styles: &[HeldOutStyle], like: Option<&RgbImage>) -> Vec<RgbImage> {
     let width = like.map_or(CELL, RgbImage::width);
     let blank = || RgbImage::from_pixel(width, CELL + band(), grid::GROUND);
     let mut title = blank();
@@ -73,7 +69,7 @@ fn header(styles: &[Style], like: Option<&RgbImage>) -> Vec<RgbImage> {
     .enumerate()
     {
         let y = CELL / 3 + i as u32 * (lettering::HEIGHT + 4) * SCALE;
-        lettering::draw(&mut title, (8, y), line, SCALE, INK);
+        lettering::draw(&mut title, [8, y], line, SCALE, INK);
     }
     let mut cells = vec![title, blank()];
     cells.extend(
@@ -99,7 +95,7 @@ fn captioned(image: &RgbImage, caption: &str) -> RgbImage {
         .width()
         .saturating_sub(lettering::width(caption, SCALE))
         / 2;
-    lettering::draw(&mut cell, (left, CELL + 2 * SCALE), caption, SCALE, INK);
+    lettering::draw(&mut cell, [left, CELL + 2 * SCALE], caption, SCALE, INK);
     cell
 }
 

@@ -1,19 +1,20 @@
 //! `impasto info`.
 
-mod scene;
+mod capture;
 mod training;
+mod warnings;
 mod words;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use impasto::Model;
-use impasto::scene::Format;
 use impasto_train::MODEL_FILE;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
+use self::capture::{CaptureArgs, CaptureInfo};
 use super::train::Preset;
-use super::{Answer, CliError, to_json};
+use super::{CliError, CommandOutput};
 
 /// Describe a capture and what is wrong with it, a model or a preset
 #[derive(Debug, Args)]
@@ -25,37 +26,22 @@ pub struct InfoArgs {
     #[arg(long, value_enum, conflicts_with = "path")]
     preset: Option<Preset>,
     #[command(flatten)]
-    scene: SceneArgs,
-}
-
-/// How to look at a capture.
-#[derive(Debug, Args)]
-struct SceneArgs {
-    /// Format of the capture, where it should not be detected: colmap, transforms, nerf++ or llff
-    #[arg(long)]
-    format: Option<Format>,
-    /// Shrink the photos this many times, as for training
-    #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    downscale: u32,
-    /// Draw cameras and points from above and from a side
-    #[arg(short = 'o', long, value_name = "FILE.png", conflicts_with = "preset")]
-    picture: Option<PathBuf>,
-    /// Do not measure how fast this machine trains
-    #[arg(long)]
-    quick: bool,
+    capture: CaptureArgs,
 }
 
 /// Runs the command.
-pub fn run(args: &InfoArgs) -> Result<Answer, CliError> {
+pub fn run(args: &InfoArgs) -> Result<CommandOutput, CliError> {
     let path = args.path.as_deref().unwrap_or(Path::new("."));
     let (kind, facts) = match &args.preset {
         Some(preset) => ("preset", preset.config().info()),
         None if !is_model(path) => {
-            let (facts, text) = scene::describe(path, &args.scene)?;
-            let json = labelled("scene", facts);
-            return Ok(Answer { text, json });
+            let info = CaptureInfo::load(path, &args.capture)?;
+            return Ok(CommandOutput {
+                text: words::report(&info),
+                json: labelled("scene", info.json()),
+            });
         }
-        None if args.scene.picture.is_some() => {
+        None if args.capture.picture.is_some() => {
             return Err(CliError::Usage(format!(
                 "--picture shows captures, and {} is a model: give the capture's folder",
                 path.display()
@@ -64,20 +50,16 @@ pub fn run(args: &InfoArgs) -> Result<Answer, CliError> {
         None => ("model", Model::load(path)?.file.info()),
     };
     let json = labelled(kind, facts);
-    Ok(Answer {
+    Ok(CommandOutput {
         text: outline(&json),
         json,
     })
 }
 
 /// Facts with what they are facts of.
-fn labelled(kind: &str, facts: Value) -> Value {
-    let mut all = Map::new();
-    all.insert("kind".into(), kind.into());
-    if let Value::Object(facts) = facts {
-        all.extend(facts);
-    }
-    Value::Object(all)
+fn labelled(kind: &str, mut facts: Value) -> Value {
+    facts["kind"] = kind.into();
+    facts
 }
 
 fn is_model(path: &Path) -> bool {

@@ -2,13 +2,12 @@
 
 use std::fmt::Write;
 
-use impasto::scene::Scene;
 use impasto::scene::inspect::{Inspection, Lens, PhotoFacts, Walk};
 use impasto_train::estimate::Estimate;
 
-use super::SceneArgs;
-use super::scene::{Warning, sizes};
-use super::training::{Training, threads};
+use super::capture::CaptureInfo;
+use super::training::{TrainingEstimates, threads};
+use super::warnings::Warning;
 use crate::cli::values::clock;
 
 /// Photos whose problems are told one by one; of more, the rest is counted.
@@ -17,27 +16,22 @@ const TOLD: usize = 12;
 const NAMED: usize = 3;
 
 /// All that people want to know.
-pub fn report(
-    scene: &Scene,
-    found: &Inspection,
-    warnings: &[Warning],
-    training: &Training,
-    args: &SceneArgs,
-) -> String {
+pub fn report(info: &CaptureInfo) -> String {
     let parts = [
-        heading(scene),
-        problems(found, warnings),
-        views(scene, found),
-        looks(found),
-        cost(training, args.downscale),
-        picture(args),
+        heading(info),
+        problems(&info.found, &info.warnings),
+        views(info),
+        appearance(&info.found),
+        cost(&info.training, info.downscale),
+        picture(info),
     ];
-    let parts: Vec<&str> = parts.iter().map(|part| part.trim_end()).collect();
-    let parts: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+    let parts = parts.iter().map(|part| part.trim_end());
+    let parts: Vec<&str> = parts.filter(|part| !part.is_empty()).collect();
     parts.join("\n\n")
 }
 
-fn heading(scene: &Scene) -> String {
+fn heading(info: &CaptureInfo) -> String {
+    let scene = &info.scene;
     let kind = if scene.synthetic { "synthetic " } else { "" };
     format!(
         "{}: {} {kind}photos, {} to learn from and {} held out; format {}",
@@ -79,10 +73,11 @@ fn problems(found: &Inspection, warnings: &[Warning]) -> String {
     text
 }
 
-/// Lenses, cameras, overlap and points.
-fn views(scene: &Scene, found: &Inspection) -> String {
+/// Photos, lenses and cameras; overlap and points.
+fn views(info: &CaptureInfo) -> String {
+    let found = &info.found;
     let mut text = String::new();
-    let sizes = sizes(scene);
+    let sizes = info.sizes();
     let sides = |side: fn(&(u32, u32)) -> u32| range(sizes.keys().map(|s| f64::from(side(s))), "");
     let angles = |angle: fn(&Lens) -> f64| range(found.lenses.iter().map(angle), "°");
     let bent = found.lenses.iter().any(|lens| lens.distorted);
@@ -105,6 +100,13 @@ fn views(scene: &Scene, found: &Inspection) -> String {
         "Cameras: {}; within {x} × {y} × {z} of the capture's units (across, along, up)",
         walk(found)
     );
+    text + &overlap(info)
+}
+
+/// How much of each other photos show, and how many points.
+fn overlap(info: &CaptureInfo) -> String {
+    let found = &info.found;
+    let mut text = String::new();
     let usual = |of: fn(&PhotoFacts) -> f64| median(found.per_photo.iter().map(of));
     let least = found
         .per_photo
@@ -133,7 +135,7 @@ fn views(scene: &Scene, found: &Inspection) -> String {
         let _ = writeln!(
             text,
             "Points:  {}, {:.0} a photo (fewest: {photo} with {fewest}); {:.2} pixels off",
-            scene.points.len(),
+            info.scene.points.len(),
             usual(|facts| facts.points.unwrap_or(0) as f64),
             usual(|facts| facts.reprojection_error.unwrap_or(0.0)),
         );
@@ -153,7 +155,7 @@ fn walk(found: &Inspection) -> String {
 }
 
 /// Sharpness and exposure, for those who judge by themselves.
-fn looks(found: &Inspection) -> String {
+fn appearance(found: &Inspection) -> String {
     let ordered = |of: fn(&PhotoFacts) -> Option<f64>| {
         let measured = found.per_photo.iter();
         let mut all: Vec<(f64, &str)> = measured
@@ -181,7 +183,7 @@ fn looks(found: &Inspection) -> String {
     )
 }
 
-fn cost(training: &Training, downscale: u32) -> String {
+fn cost(training: &TrainingEstimates, downscale: u32) -> String {
     let measured = training.fast.steps_per_second.is_some();
     let mut text = match (measured, training.memory) {
         (true, _) => format!(
@@ -233,8 +235,8 @@ fn rounded(count: u64) -> u64 {
     (count + unit / 2) / unit * unit
 }
 
-fn picture(args: &SceneArgs) -> String {
-    args.picture.as_ref().map_or_else(String::new, |path| {
+fn picture(info: &CaptureInfo) -> String {
+    info.picture.as_ref().map_or_else(String::new, |path| {
         format!(
             "{}: from above and from a side; photos to learn from blue, held out orange; the circle is the unit ball",
             path.display()
@@ -271,7 +273,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_told_as_exactly_as_they_are_known() {
+    fn numbers_are_as_exact_as_they_are_known() {
         assert_eq!(
             [0, 7, 99, 4_731, 350_000].map(rounded),
             [0, 7, 99, 4_700, 350_000]
@@ -281,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn long_schedules_are_told_in_days() {
+    fn long_schedules_are_in_days() {
         let estimate = |seconds| Estimate {
             seconds,
             steps: Some([250_000, 100_000]),

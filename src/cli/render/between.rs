@@ -6,30 +6,29 @@ use image::{Rgb, RgbImage, imageops};
 use impasto::{Coat, Inspiration, Look, Model};
 use serde_json::json;
 
+use super::args::RenderArgs;
 use super::styles::Styles;
-use super::{RenderArgs, told, views};
-use crate::cli::values::clock;
-use crate::cli::{Answer, CliError};
-use crate::output::{check_folder, grid, lettering, parent, picture, write_file};
+use super::summary::generated_note;
+use super::views::views;
+use crate::cli::values::{clock, has_ending};
+use crate::cli::{CliError, CommandOutput};
+use crate::output::{check_folder, grid, lettering, parent, write_png};
 
-/// Most looks along a side: all of them are rendered at once.
-pub const MOST: i64 = 12;
 /// Cells at least this wide get larger letters.
 const WIDE: u32 = 240;
 const INK: Rgb<u8> = Rgb([235, 232, 225]);
 
 /// Renders the first view in `count` looks from one style to the other, or in `count × count`
 /// between four.
-pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, CliError> {
+pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<CommandOutput, CliError> {
     let styles = read(args)?;
-    let generated = styles.generated(&args.styles);
-    let (names, paintings) = pictures(styles)?;
+    let names = styles.names();
     check_folder(&parent(&args.output))?;
     let model = Model::load_on(&args.model, args.device.open()?)?;
-    let corners = paintings
-        .iter()
-        .map(|painting| model.inspiration(painting))
-        .collect::<Result<Vec<_>, _>>()?;
+    let corners = styles
+        .paintings()
+        .map(|painting| model.inspiration(painting));
+    let corners = corners.collect::<Result<Vec<_>, _>>()?;
     let rows = if corners.len() == 2 { 1 } else { count };
     let looks = looks(&model, &corners, rows, count)?;
     let views = views(&model, &args.views, args.size, None)?;
@@ -44,13 +43,13 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
     let rendered = model.render_coats(&view.camera, &lists, args.settings.supersampling);
     let pictures: Vec<RgbImage> = (0..rows * count).map(|i| rendered.image(i)).collect();
     let sheet = labelled(&pictures, count, &names);
-    write_file(&args.output, |path| picture::save_png(&sheet, path))?;
+    write_png(&args.output, &sheet)?;
 
     let steps = steps(&rendered.pixels, count);
     let largest = steps.iter().copied().fold(0.0, f64::max);
     let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
     let seconds = start.elapsed().as_secs_f64();
-    Ok(Answer {
+    Ok(CommandOutput {
         text: format!(
             "{rows}×{count} looks between {} in {}, neighbours {:.3} apart, at most {:.3} (root mean \
              square of colours): {}{}",
@@ -59,13 +58,13 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
             mean,
             largest,
             args.output.display(),
-            told(&generated)
+            generated_note(&styles.generated)
         ),
         json: json!({
             "outputs": [args.output],
             "views": 1,
             "styles": names,
-            "generated": generated,
+            "generated": styles.generated,
             "rows": rows,
             "columns": count,
             "mean_step": mean,
@@ -78,31 +77,20 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<Answer, Cl
 
 /// The styles, if they are as many as a row or a square has corners.
 fn read(args: &RenderArgs) -> Result<Styles, CliError> {
-    let refuse = |problem: String| Err(CliError::Usage(problem));
+    let refuse = |problem: &str| Err(CliError::Usage(problem.into()));
     if args.styles.iter().any(|style| style.weight.is_some()) {
-        return refuse("--interpolate takes styles without weights".into());
+        return refuse("--interpolate takes styles without weights");
     }
     if ![2, 4].contains(&args.styles.len()) {
-        return refuse(format!(
+        return refuse(&format!(
             "--interpolate goes between two styles (a row) or four (a square), not {}",
             args.styles.len()
         ));
     }
-    let ending = args.output.extension();
-    if args.output.is_dir() || !ending.is_some_and(|e| e.eq_ignore_ascii_case("png")) {
-        return refuse("--interpolate makes one picture: give -o FILE.png".into());
+    if !has_ending(&args.output, "png") {
+        return refuse("--interpolate makes one picture: give -o FILE.png");
     }
     Styles::read(&args.styles)
-}
-
-/// Their names and pictures.
-fn pictures(styles: Styles) -> Result<(Vec<String>, Vec<RgbImage>), CliError> {
-    match styles {
-        Styles::Each(named) => Ok(named.into_iter().unzip()),
-        Styles::Photo | Styles::Mix(_) | Styles::Coats(_) => Err(CliError::Usage(
-            "--interpolate takes styles without weights".into(),
-        )),
-    }
 }
 
 /// Row by row. Corners are in reading order.
@@ -169,7 +157,7 @@ fn labelled(pictures: &[RgbImage], columns: usize, names: &[String]) -> RgbImage
         } else {
             height - band + 2 * scale
         };
-        lettering::draw(&mut sheet, (x, y), &name, scale, INK);
+        lettering::draw(&mut sheet, [x, y], &name, scale, INK);
     }
     sheet
 }

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use impasto::scene::Camera;
 use impasto::{Coat, Model, Stop};
 
-use super::Rendering;
+use super::frames::FrameRenderer;
 use crate::cli::CliError;
-use crate::output::{Ffmpeg, FilmFormat, Layout, Target, View, Wanted};
+use crate::output::{FfmpegProgram, FilmFormat, FrameLayout, Target, TargetOptions, Viewpoint};
 
 /// A film to be made.
-pub struct FilmOrder<'a> {
+pub struct FilmJob<'a> {
     /// One camera a frame, in scene space.
     pub cameras: &'a [Camera],
     /// Frames a second, where the format keeps a time.
@@ -22,11 +22,11 @@ pub struct FilmOrder<'a> {
     /// Where to write it: a `.gif`, `.mp4`, `.webm`, a `.zip` of PNGs, or a folder for them.
     pub output: &'a Path,
     /// Which ffmpeg makes those films that need one.
-    pub ffmpeg: Ffmpeg,
+    pub ffmpeg: FfmpegProgram,
 }
 
 /// What can be made with an ffmpeg that may be there, each with the ending of its file.
-pub fn film_formats(ffmpeg: &Ffmpeg) -> Vec<(&'static str, &'static str)> {
+pub fn film_formats(ffmpeg: &FfmpegProgram) -> Vec<(&'static str, &'static str)> {
     // A sequence of pictures, in one file.
     let mut formats = vec![("png", "zip")];
     let films = FilmFormat::ALL.into_iter();
@@ -44,33 +44,29 @@ pub fn film_formats(ffmpeg: &Ffmpeg) -> Vec<(&'static str, &'static str)> {
 /// nothing is left then.
 pub fn film(
     model: &Model,
-    order: &FilmOrder<'_>,
+    job: &FilmJob<'_>,
     progress: &mut dyn FnMut(f64),
     stop: &Stop,
 ) -> Result<PathBuf, CliError> {
-    let wanted = Wanted {
+    let wanted = TargetOptions {
         depth: false,
         fps: None,
-        path_fps: Some(order.fps),
-        ffmpeg: order.ffmpeg.clone(),
+        path_fps: Some(job.fps),
+        ffmpeg: job.ffmpeg.clone(),
     };
-    let target = Target::new(order.output, &wanted)?;
+    let target = Target::new(job.output, &wanted)?;
     target.check()?;
-    let names = vec!["painted".to_owned()];
-    let layout = match order.side_by_side {
-        true => Layout::side_by_side(names),
-        false => Layout::Each(names),
-    };
-    let rendering = Rendering::of_coats(model, [order.coats], &layout, 1);
-    let view = |camera: &Camera| View {
+    let layout = FrameLayout::new(vec!["painted".to_owned()], job.side_by_side);
+    let renderer = FrameRenderer::new(model, [job.coats], &layout, 1);
+    let view = |camera: &Camera| Viewpoint {
         camera: *camera,
         photo: None,
     };
-    let views: Vec<View> = order.cameras.iter().map(view).collect();
+    let views: Vec<Viewpoint> = job.cameras.iter().map(view).collect();
     let sink = target.open(&layout, model.file.scene.synthetic)?;
     let mut done = |frames: usize| progress(frames as f64 / views.len() as f64);
-    rendering.all(&views, sink, &mut done, stop)?;
-    Ok(order.output.to_owned())
+    renderer.all(&views, sink, &mut done, stop)?;
+    Ok(job.output.to_owned())
 }
 
 #[cfg(test)]
@@ -150,23 +146,18 @@ mod tests {
         let path = path_through(&model);
         let at = |name: &str| folder.path().join(name);
         let frames = at("frames");
-        let order = FilmOrder {
+        let job = FilmJob {
             cameras: &path.cameras().unwrap(),
             fps: path.fps,
             coats: &[],
             side_by_side: false,
             output: &frames,
-            ffmpeg: Ffmpeg::new("ffmpeg".as_ref()),
+            ffmpeg: FfmpegProgram::new("ffmpeg".as_ref()),
         };
-        let mut told = Vec::new();
-        let made = film(
-            &model,
-            &order,
-            &mut |part| told.push(part),
-            &Stop::default(),
-        );
+        let mut parts = Vec::new();
+        let made = film(&model, &job, &mut |part| parts.push(part), &Stop::default());
         assert_eq!(made.unwrap(), frames);
-        assert_eq!(told, [0.2, 0.4, 0.6, 0.8, 1.0]);
+        assert_eq!(parts, [0.2, 0.4, 0.6, 0.8, 1.0]);
 
         let text = path.to_nerfstudio(&model.file.scene.normalisation).unwrap();
         fs::write(at("path.json"), text).unwrap();
@@ -187,7 +178,7 @@ mod tests {
 
     #[test]
     fn what_needs_no_other_program_can_always_be_made() {
-        let none = film_formats(&Ffmpeg::new("no-such-ffmpeg".as_ref()));
+        let none = film_formats(&FfmpegProgram::new("no-such-ffmpeg".as_ref()));
         assert_eq!(none, [("gif", "gif"), ("png", "zip")]);
     }
 
@@ -197,13 +188,13 @@ mod tests {
         let cameras = path_through(&model).cameras().unwrap();
         for name in ["clip.gif", "clip.zip", "frames"] {
             let output = folder.path().join("films").join(name);
-            let order = FilmOrder {
+            let job = FilmJob {
                 cameras: &cameras,
                 fps: 10.0,
                 coats: &[],
                 side_by_side: false,
                 output: &output,
-                ffmpeg: Ffmpeg::new("ffmpeg".as_ref()),
+                ffmpeg: FfmpegProgram::new("ffmpeg".as_ref()),
             };
             let stop = Stop::default();
             let mut frames = 0;
@@ -213,7 +204,7 @@ mod tests {
                     stop.request();
                 }
             };
-            let made = film(&model, &order, &mut progress, &stop);
+            let made = film(&model, &job, &mut progress, &stop);
             assert!(matches!(made, Err(CliError::Stopped)), "{name}");
             assert_eq!(frames, 2);
             assert!(!folder.path().join("films").exists(), "{name}");

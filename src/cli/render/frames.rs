@@ -4,45 +4,34 @@ use std::path::PathBuf;
 
 use impasto::{Coat, Model, Stop};
 
-use super::Variant;
 use crate::cli::CliError;
-use crate::output::{Frame, Layout, Sink, View};
+use crate::output::{FrameLayout, RenderedFrame, Sink, Viewpoint};
 
 /// How frames are made of views.
-pub struct Rendering<'a> {
+pub struct FrameRenderer<'a> {
     model: &'a Model,
     /// What each picture of a frame is painted with, from the left.
     coats: Vec<&'a [Coat]>,
-    layout: &'a Layout,
+    layout: &'a FrameLayout,
     supersampling: u32,
 }
 
-impl<'a> Rendering<'a> {
-    /// Frames that show all variants; side by side, after the scene as photographed.
+impl<'a> FrameRenderer<'a> {
+    /// Frames that show all variants, each of which is painted with its coats; side by side, after
+    /// the scene as photographed.
     pub fn new(
         model: &'a Model,
-        variants: &'a [Variant],
-        layout: &'a Layout,
-        supersampling: u32,
-    ) -> Self {
-        let coats = variants.iter().map(|variant| variant.coats.as_slice());
-        Self::of_coats(model, coats, layout, supersampling)
-    }
-
-    /// The same of lists of coats.
-    pub fn of_coats(
-        model: &'a Model,
-        coats: impl IntoIterator<Item = &'a [Coat]>,
-        layout: &'a Layout,
+        variants: impl IntoIterator<Item = &'a [Coat]>,
+        layout: &'a FrameLayout,
         supersampling: u32,
     ) -> Self {
         let original: Option<&[Coat]> = match layout {
-            Layout::Each(_) => None,
-            Layout::SideBySide(_) => Some(&[]),
+            FrameLayout::Each(_) => None,
+            FrameLayout::SideBySide(_) => Some(&[]),
         };
         Self {
             model,
-            coats: original.into_iter().chain(coats).collect(),
+            coats: original.into_iter().chain(variants).collect(),
             layout,
             supersampling,
         }
@@ -51,14 +40,14 @@ impl<'a> Rendering<'a> {
     /// Renders a view and hands its frame on.
     pub fn one(
         &self,
-        view: &View,
-        take: impl FnOnce(Frame<'_>) -> Result<(), CliError>,
+        view: &Viewpoint,
+        take: impl FnOnce(RenderedFrame<'_>) -> Result<(), CliError>,
     ) -> Result<(), CliError> {
         let rendered = self
             .model
             .render_coats(&view.camera, &self.coats, self.supersampling);
         let pictures = (0..self.coats.len()).map(|i| rendered.image(i)).collect();
-        take(Frame {
+        take(RenderedFrame {
             view,
             pictures: self.layout.frames(pictures),
             depth: &rendered.depth,
@@ -72,7 +61,7 @@ impl<'a> Rendering<'a> {
     /// What the sink says, and [`CliError::Stopped`], after which nothing is left.
     pub fn all(
         &self,
-        views: &[View],
+        views: &[Viewpoint],
         mut sink: Box<dyn Sink>,
         done: &mut dyn FnMut(usize),
         stop: &Stop,
@@ -88,9 +77,12 @@ impl<'a> Rendering<'a> {
             sink.finish()
         })();
         // An interruption ends ffmpeg as well, and is not ffmpeg's failure.
-        made.map_err(|error| match stop.is_requested() {
-            true => CliError::Stopped,
-            false => error,
+        made.map_err(|error| {
+            if stop.is_requested() {
+                CliError::Stopped
+            } else {
+                error
+            }
         })
     }
 }

@@ -11,10 +11,10 @@ use impasto::{CoatSpec, Device, Model};
 use impasto_train::MODEL_FILE;
 use serde_json::{Value, json};
 
-use super::RenderSettings;
-use super::styles::Styles;
+use super::settings::RenderSettings;
+use super::styles::{Mixture, PaintMode, Styles};
 use crate::cli::CliError;
-use crate::output::{Layout, View, cameras};
+use crate::output::{FrameLayout, Viewpoint, cameras};
 
 /// A model, with what distinguishes it from others.
 pub struct KnownModel {
@@ -27,15 +27,17 @@ pub struct KnownModel {
 impl KnownModel {
     /// Reads a model folder or file.
     pub fn load(path: &Path, device: Device) -> Result<Self, CliError> {
-        let file = match path.is_dir() {
-            true => path.join(MODEL_FILE),
-            false => path.to_owned(),
+        let file = if path.is_dir() {
+            path.join(MODEL_FILE)
+        } else {
+            path.to_owned()
         };
         let digest = || File::open(&file).and_then(sha256);
         let before = digest().ok();
-        let kind = match impasto::is_cpu(&device) {
-            true => "cpu",
-            false => "gpu",
+        let kind = if impasto::is_cpu(&device) {
+            "cpu"
+        } else {
+            "gpu"
         };
         let model = Model::load_on(path, device)?;
         let after = digest().map_err(CliError::read(&file))?;
@@ -57,9 +59,10 @@ impl KnownModel {
     pub fn job(
         &self,
         styles: &Value,
-        views: &[View],
+        views: &[Viewpoint],
         settings: &RenderSettings,
-        (layout, depth): (&Layout, bool),
+        layout: &FrameLayout,
+        depth: bool,
     ) -> (String, Value) {
         let cameras = cameras(views, layout, depth, self.model.file.scene.synthetic);
         let job = json!({
@@ -71,7 +74,7 @@ impl KnownModel {
             "supersampling": settings.supersampling,
             "keep": settings.keep,
             "mask": settings.mask,
-            "side_by_side": matches!(layout, Layout::SideBySide(_)),
+            "side_by_side": matches!(layout, FrameLayout::SideBySide(_)),
             "depth": depth,
             "frames": views.len(),
             "cameras": hash(cameras.as_bytes()),
@@ -80,36 +83,41 @@ impl KnownModel {
     }
 }
 
-/// What distinguishes styles from others: their names, and the pixels of their paintings with their
-/// weights; how coats go on each other, too.
+/// What distinguishes styles from others: as of mixtures; how coats go on each other, too.
 pub fn distinguished(styles: &Styles) -> Value {
-    if let Styles::Coats(coats) = styles {
-        let entry = |(spec, images): &(CoatSpec, Vec<RgbImage>)| {
-            let paintings: Vec<_> = images.iter().map(|image| (image, 1.0)).collect();
-            let weights: Vec<f32> = spec.paintings.iter().map(|p| p.weight).collect();
-            json!({
-                "paintings": mixture(&paintings),
-                "weights": weights,
-                "strength": spec.strength,
-                "keep": spec.keep,
-                "mask": spec.mask,
-            })
-        };
-        return coats.iter().map(entry).collect();
-    }
-    let wanted = styles.wanted();
-    let entry = |(name, paintings): &(String, Vec<(&RgbImage, f32)>)| json!({"name": name, "paintings": mixture(paintings)});
-    wanted.iter().map(entry).collect()
+    let coats = match &styles.paint {
+        PaintMode::Mixtures(mixtures) => return distinguished_mixtures(mixtures),
+        PaintMode::Coats(coats) => coats,
+    };
+    let entry = |(spec, images): &(CoatSpec, Vec<RgbImage>)| {
+        let weights: Vec<f32> = spec.paintings.iter().map(|p| p.weight).collect();
+        json!({
+            "paintings": hashed(images.iter().map(|image| (image, 1.0))),
+            "weights": weights,
+            "strength": spec.strength,
+            "keep": spec.keep,
+            "mask": spec.mask,
+        })
+    };
+    coats.iter().map(entry).collect()
 }
 
-fn mixture(paintings: &[(&RgbImage, f32)]) -> Vec<Value> {
-    let entry = |(image, weight): &(&RgbImage, f32)| {
+/// What distinguishes mixtures from others: their names, and the pixels of their paintings with their
+/// weights.
+pub fn distinguished_mixtures(mixtures: &[Mixture]) -> Value {
+    let entry =
+        |mixture: &Mixture| json!({"name": mixture.name, "paintings": hashed(mixture.weighed())});
+    mixtures.iter().map(entry).collect()
+}
+
+fn hashed<'a>(paintings: impl Iterator<Item = (&'a RgbImage, f32)>) -> Vec<Value> {
+    let entry = |(image, weight): (&RgbImage, f32)| {
         let size = [image.width(), image.height()]
             .map(u32::to_le_bytes)
             .concat();
         json!({"pixels": hash((&size[..]).chain(&image.as_raw()[..])), "weight": weight})
     };
-    paintings.iter().map(entry).collect()
+    paintings.map(entry).collect()
 }
 
 /// SHA-256 of bytes in memory.

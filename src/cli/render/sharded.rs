@@ -2,29 +2,19 @@
 
 use std::time::Instant;
 
-use impasto::Model;
-use serde_json::json;
-
+use super::args::RenderArgs;
+use super::frames::FrameRenderer;
 use super::job::{KnownModel, distinguished};
 use super::styles::Styles;
-use super::{RenderArgs, Rendering, told, views};
-use crate::cli::progress::Frames;
+use super::summary::RenderSummary;
+use super::views::views;
+use crate::cli::progress::FrameProgress;
 use crate::cli::shard::Shard;
-use crate::cli::values::clock;
-use crate::cli::{Answer, CliError};
-use crate::output::{Contents, Layout, SharedFolder, View};
-
-/// What one process did.
-struct Done {
-    rendered: usize,
-    /// Frames of its own that were there.
-    kept: usize,
-    /// Whether all processes' frames are there.
-    complete: bool,
-}
+use crate::cli::{CliError, CommandOutput};
+use crate::output::{FrameLayout, SharedFolder, SharedFrames, Viewpoint};
 
 /// Renders the frames of one shard that are not there yet.
-pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, CliError> {
+pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<CommandOutput, CliError> {
     if !args.target()?.is_folder() {
         return Err(CliError::Usage(format!(
             "--shard needs a folder as its output, not {}: tasks cannot share one file",
@@ -33,96 +23,81 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<Answer, Cl
     }
     let styles = args.read_styles()?;
     let known = KnownModel::load(&args.model, args.device.open()?)?;
-    let model = &known.model;
-    let views = views(model, &args.views, args.size, args.frames)?;
-    let distinguished = distinguished(&styles);
-    let names: Vec<String> = styles.wanted().into_iter().map(|(name, _)| name).collect();
-    let layout = args.layout(names.clone());
-    let shown = (&layout, args.depth);
-    let (cameras, job) = known.job(&distinguished, &views, &args.settings, shown);
-    let folder = SharedFolder::open(
-        &args.output,
-        &Contents {
-            variants: layout.variants(),
-            frames: views.len(),
-            depth: args.depth,
-            cameras: &cameras,
-            job: &job,
-        },
-    )?;
+    let views = views(&known.model, &args.views, args.size, args.frames)?;
+    let layout = args.layout(styles.names());
+    let folder = open(args, &known, &styles, &views, &layout)?;
 
     let own = || (0..views.len()).filter(|&frame| shard.takes(frame));
     let missing: Vec<usize> = own().filter(|&frame| folder.lacks(frame)).collect();
-    fill(&folder, &missing, &views, (model, &styles, &layout), args)?;
-    let done = Done {
-        rendered: missing.len(),
-        kept: own().count() - missing.len(),
-        complete: folder.finish()?,
+    if !missing.is_empty() {
+        let variants = styles.variants(&known.model, None, &args.settings)?;
+        let coats = variants.iter().map(Vec::as_slice);
+        let supersampling = args.settings.supersampling;
+        let renderer = FrameRenderer::new(&known.model, coats, &layout, supersampling);
+        fill(&folder, &missing, &views, &renderer)?;
+    }
+    let (rendered, kept) = (missing.len(), own().count() - missing.len());
+    let complete = folder.finish()?;
+    let summary = RenderSummary {
+        outputs: &folder.folders,
+        views: views.len(),
+        styles: &styles,
+        synthetic: known.model.file.scene.synthetic,
+        seconds: start.elapsed().as_secs_f64(),
     };
-    let outputs = folder.folders();
-    let paths = outputs.iter().map(|path| path.display().to_string());
-    let paths: Vec<String> = paths.collect();
-    let synthetic = model.file.scene.synthetic;
-    let kind = match synthetic {
-        true => " of a synthetic scene",
-        false => "",
+    let before = format!("shard {shard}: {rendered} of ");
+    let mut output = summary.output(&before, &format!(", {}", state(kept, complete)));
+    output.json["shard"] = shard.to_string().into();
+    output.json["rendered"] = rendered.into();
+    output.json["kept"] = kept.into();
+    output.json["complete"] = complete.into();
+    Ok(output)
+}
+
+/// Takes the folder, or joins those who write to it.
+fn open(
+    args: &RenderArgs,
+    known: &KnownModel,
+    styles: &Styles,
+    views: &[Viewpoint],
+    layout: &FrameLayout,
+) -> Result<SharedFolder, CliError> {
+    let styles = distinguished(styles);
+    let (cameras, job) = known.job(&styles, views, &args.settings, layout, args.depth);
+    let contents = SharedFrames {
+        layout,
+        frames: views.len(),
+        depth: args.depth,
+        cameras: &cameras,
+        job: &job,
     };
-    let generated = styles.generated(&args.styles);
-    let seconds = start.elapsed().as_secs_f64();
-    Ok(Answer {
-        text: format!(
-            "shard {shard}: {} of {} views{kind} in {}, {}: {}{}",
-            done.rendered,
-            views.len(),
-            clock(seconds),
-            state(&done),
-            paths.join(", "),
-            told(&generated)
-        ),
-        json: json!({
-            "outputs": paths,
-            "views": views.len(),
-            "shard": shard.to_string(),
-            "rendered": done.rendered,
-            "kept": done.kept,
-            "complete": done.complete,
-            "styles": if styles.is_empty() { Vec::new() } else { names },
-            "generated": generated,
-            "synthetic": synthetic,
-            "seconds": seconds,
-        }),
-    })
+    SharedFolder::open(&args.output, &contents)
 }
 
 /// Renders frames into the folder, those of the given numbers.
 fn fill(
     folder: &SharedFolder,
     missing: &[usize],
-    views: &[View],
-    (model, styles, layout): (&Model, &Styles, &Layout),
-    args: &RenderArgs,
+    views: &[Viewpoint],
+    renderer: &FrameRenderer<'_>,
 ) -> Result<(), CliError> {
-    if missing.is_empty() {
-        return Ok(());
-    }
-    let variants = styles.variants(model, None, &args.settings)?;
-    let rendering = Rendering::new(model, &variants, layout, args.settings.supersampling);
-    let mut progress = Frames::new(missing.len());
+    let mut progress = FrameProgress::new("render", missing.len());
     for &number in missing {
-        rendering.one(&views[number], |frame| folder.add(number, &frame))?;
+        renderer.one(&views[number], |frame| folder.add(number, &frame))?;
         progress.tick();
     }
     Ok(())
 }
 
-fn state(done: &Done) -> String {
-    let kept = match done.kept {
+/// How the folder stands; `kept` frames of this shard's own were there.
+fn state(kept: usize, complete: bool) -> String {
+    let kept = match kept {
         0 => String::new(),
         kept => format!("{kept} more were there, "),
     };
-    let rest = match done.complete {
-        true => "all frames are there",
-        false => "other shards' frames are still to come",
-    };
-    kept + rest
+    if complete {
+        kept + "all frames are there"
+    } else {
+        kept + "other shards' frames are still to come"
+    }
 }

@@ -1,6 +1,7 @@
 //! The paintings to render with.
 
 use std::collections::HashSet;
+use std::iter;
 use std::path::Path;
 use std::time::Duration;
 
@@ -9,25 +10,79 @@ use impasto::eval::EvalError;
 use impasto::scene::file::read_text;
 use impasto::{Budget, Coat, CoatSpec, Coats, Inspiration, Look, Model, Refinement};
 
-use super::{RenderSettings, Variant};
+use super::settings::RenderSettings;
 use crate::cli::CliError;
 use crate::cli::painting::{PaintingSource, StyleArg};
-use crate::cli::progress::Share;
+use crate::cli::progress::TimedBar;
 
 /// The paintings, read, and what to do with them.
-pub enum Styles {
-    /// None: the photos' own look.
-    Photo,
-    /// Each for itself, under its name.
-    Each(Vec<(String, RgbImage)>),
-    /// All in one, by their weights.
-    Mix(Vec<(RgbImage, f32)>),
-    /// One over the other, each with its paintings.
+pub struct Styles {
+    /// How the scene is painted.
+    pub paint: PaintMode,
+    /// What is to be said of those paintings that are generated.
+    pub generated: Vec<String>,
+}
+
+/// How the scene is painted.
+pub enum PaintMode {
+    /// In one look after the other.
+    Mixtures(Vec<Mixture>),
+    /// In coats, one over the other, each with its paintings.
     Coats(Vec<(CoatSpec, Vec<RgbImage>)>),
 }
 
+/// Paintings that make one look, each with its weight; none for the photos' own.
+pub struct Mixture {
+    /// What the look is called.
+    pub name: String,
+    /// The paintings.
+    pub paintings: Vec<(RgbImage, f32)>,
+}
+
+impl Mixture {
+    /// The photos' own look.
+    pub fn photo() -> Self {
+        Self {
+            name: "photo".into(),
+            paintings: Vec::new(),
+        }
+    }
+
+    /// One painting.
+    pub fn single(name: String, painting: RgbImage) -> Self {
+        Self {
+            name,
+            paintings: vec![(painting, 1.0)],
+        }
+    }
+
+    /// The paintings with their weights.
+    pub fn weighed(&self) -> impl Iterator<Item = (&RgbImage, f32)> {
+        let all = self.paintings.iter();
+        all.map(|(painting, weight)| (painting, *weight))
+    }
+
+    /// The look that a model predicts; none for the photos' own.
+    pub fn look(&self, model: &Model) -> Result<Option<Look>, CliError> {
+        if self.paintings.is_empty() {
+            return Ok(None);
+        }
+        let inspirations = model.inspirations(self.weighed())?;
+        let mix = Inspiration::mix(&inspirations).ok_or_else(weightless)?;
+        model.look(&mix).map(Some).ok_or(CliError::Unstyled)
+    }
+}
+
 impl Styles {
-    /// Reads the paintings. Weights belong to all of them or to none.
+    /// Reads a file of coats, or else the paintings of arguments.
+    pub fn load(args: &[StyleArg], coats: Option<&Path>) -> Result<Self, CliError> {
+        match coats {
+            Some(path) => Self::read_coats(path),
+            None => Self::read(args),
+        }
+    }
+
+    /// Reads paintings. Weights belong to all of them or to none.
     pub fn read(args: &[StyleArg]) -> Result<Self, CliError> {
         let weights: Vec<f32> = args.iter().filter_map(|style| style.weight).collect();
         if !weights.is_empty() && weights.len() < args.len() {
@@ -35,23 +90,28 @@ impl Styles {
             return Err(CliError::Usage(problem.into()));
         }
         if !weights.is_empty() && weights.iter().all(|weight| *weight == 0.0) {
-            return Err(Self::weightless());
+            return Err(weightless());
         }
-        let images = args
-            .iter()
-            .map(|style| style.painting.read())
-            .collect::<Result<Vec<_>, _>>()?;
-        Ok(if args.is_empty() {
-            Self::Photo
+        let images = args.iter().map(|style| style.painting.read());
+        let images = images.collect::<Result<Vec<_>, _>>()?.into_iter();
+        let mixtures = if args.is_empty() {
+            vec![Mixture::photo()]
         } else if weights.is_empty() {
-            Self::Each(names(args).into_iter().zip(images).collect())
+            let named = names(args).into_iter().zip(images);
+            let each = named.map(|(name, image)| Mixture::single(name, image));
+            each.collect()
         } else {
-            Self::Mix(images.into_iter().zip(weights).collect())
-        })
+            vec![Mixture {
+                name: "mix".into(),
+                paintings: images.zip(weights).collect(),
+            }]
+        };
+        let labels = args.iter().filter_map(|style| style.painting.label());
+        Ok(Self::new(PaintMode::Mixtures(mixtures), labels.collect()))
     }
 
     /// Reads a file of coats and their paintings, whose paths are relative to it.
-    pub fn read_coats(path: &Path) -> Result<Self, CliError> {
+    fn read_coats(path: &Path) -> Result<Self, CliError> {
         let text = read_text(path).map_err(CliError::read(path))?;
         let wrong = |problem: String| CliError::CoatsFile {
             path: path.to_owned(),
@@ -60,119 +120,80 @@ impl Styles {
         let coats: Coats = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         coats.check().map_err(|error| wrong(error.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let read = |coat: CoatSpec| {
-            let paintings = coat.paintings.iter();
-            let paintings = paintings.map(|one| {
-                let source = PaintingSource::named(&one.painting, folder);
-                source.map_err(&wrong)?.read()
-            });
-            Ok((coat.clone(), paintings.collect::<Result<_, CliError>>()?))
-        };
-        Ok(Self::Coats(
-            coats
-                .coats
-                .into_iter()
-                .map(read)
-                .collect::<Result<_, CliError>>()?,
-        ))
-    }
-
-    /// What is to be said of those paintings that `args` or the coats have generated.
-    pub fn generated(&self, args: &[StyleArg]) -> Vec<String> {
-        let named = |name: &str| PaintingSource::named(name, Path::new("")).ok();
-        let mut labels: Vec<String> = match self {
-            Self::Coats(specs) => specs
-                .iter()
-                .flat_map(|(spec, _)| &spec.paintings)
-                .filter_map(|one| named(&one.painting)?.label())
-                .collect(),
-            Self::Photo | Self::Each(_) | Self::Mix(_) => {
-                let labels = args.iter().map(|style| style.painting.label());
-                labels.flatten().collect()
+        let (mut read, mut labels) = (Vec::new(), Vec::new());
+        for coat in coats.coats {
+            let mut paintings = Vec::new();
+            for one in &coat.paintings {
+                let source = PaintingSource::named(&one.painting, folder).map_err(wrong)?;
+                paintings.push(source.read()?);
+                labels.extend(source.label());
             }
-        };
-        labels.dedup();
-        labels
+            read.push((coat, paintings));
+        }
+        Ok(Self::new(PaintMode::Coats(read), labels))
     }
 
-    fn weightless() -> CliError {
-        CliError::Usage("at least one --style needs a weight above 0".into())
+    fn new(paint: PaintMode, mut generated: Vec<String>) -> Self {
+        generated.dedup();
+        Self { paint, generated }
+    }
+
+    /// Names of the variants.
+    pub fn names(&self) -> Vec<String> {
+        match &self.paint {
+            PaintMode::Mixtures(mixtures) => mixtures.iter().map(|one| one.name.clone()).collect(),
+            PaintMode::Coats(_) => vec!["coats".into()],
+        }
+    }
+
+    /// All paintings of mixtures.
+    pub fn paintings(&self) -> impl Iterator<Item = &RgbImage> {
+        let mixtures = match &self.paint {
+            PaintMode::Mixtures(mixtures) => mixtures.as_slice(),
+            PaintMode::Coats(_) => &[],
+        };
+        let paintings = mixtures.iter().flat_map(|mixture| &mixture.paintings);
+        paintings.map(|(painting, _)| painting)
     }
 
     /// Whether the scene is left as photographed.
     pub fn is_empty(&self) -> bool {
-        matches!(self, Self::Photo)
+        matches!(self.paint, PaintMode::Mixtures(_)) && self.paintings().next().is_none()
     }
 
-    /// The looks that the model gives them, each refined for so long, put on as the settings say.
+    /// The coats of each variant: the looks that the model gives them, each refined for so long, put
+    /// on as the settings say.
     pub fn variants(
         &self,
         model: &Model,
         refine: Option<Duration>,
         settings: &RenderSettings,
-    ) -> Result<Vec<Variant>, CliError> {
-        if let Self::Coats(specs) = self {
-            let specs = specs.iter();
-            let specs = specs.map(|(spec, images)| (spec, images.iter().collect()));
-            return Ok(vec![Variant {
-                name: "coats".into(),
-                coats: coats_of(model, specs)?,
-            }]);
-        }
-        let variants = self.looks(model, refine)?.into_iter().map(|(name, look)| {
-            let coat = look.map(|look| settings.coat(model, look)).transpose()?;
-            Ok(Variant {
-                name,
-                coats: coat.into_iter().collect(),
-            })
-        });
-        variants.collect()
-    }
-
-    /// The names of the variants, and the looks that the model gives them; none for the photos' own.
-    pub fn looks(
-        &self,
-        model: &Model,
-        refine: Option<Duration>,
-    ) -> Result<Vec<(String, Option<Look>)>, CliError> {
-        let wanted = self.wanted();
-        if self.is_empty() {
-            return Ok(wanted.into_iter().map(|(name, _)| (name, None)).collect());
-        }
+    ) -> Result<Vec<Vec<Coat>>, CliError> {
+        let mixtures = match &self.paint {
+            PaintMode::Mixtures(mixtures) => mixtures,
+            PaintMode::Coats(specs) => {
+                let specs = specs.iter();
+                let specs = specs.map(|(spec, images)| (spec, images.iter().collect()));
+                return Ok(vec![coats_of(model, specs)?]);
+            }
+        };
         let looks = match refine {
-            Some(time) => refined(model, &wanted, time)?,
-            None => {
-                let looks = wanted.iter().map(|(_, paintings)| look(model, paintings));
+            Some(time) if !self.is_empty() => refined(model, mixtures, time)?,
+            _ => {
+                let looks = mixtures.iter().map(|mixture| mixture.look(model));
                 looks.collect::<Result<_, _>>()?
             }
         };
-        let names = wanted.into_iter().map(|(name, _)| name);
-        Ok(names.zip(looks.into_iter().map(Some)).collect())
+        let variants = looks.into_iter().map(|look| {
+            let coat = look.map(|look| settings.coat(model, look)).transpose()?;
+            Ok(coat.into_iter().collect())
+        });
+        variants.collect()
     }
+}
 
-    /// Names of the variants, each with the paintings that it is made from by weight; the photos'
-    /// own look is made from none.
-    pub fn wanted(&self) -> Vec<(String, Vec<(&RgbImage, f32)>)> {
-        match self {
-            Self::Photo => vec![("photo".into(), Vec::new())],
-            Self::Each(images) => {
-                let all = images.iter();
-                all.map(|(name, image)| (name.clone(), vec![(image, 1.0)]))
-                    .collect()
-            }
-            Self::Mix(images) => {
-                let all = images.iter().map(|(image, weight)| (image, *weight));
-                vec![("mix".into(), all.collect())]
-            }
-            Self::Coats(specs) => {
-                let all = specs.iter().flat_map(|(spec, images)| {
-                    let weights = spec.paintings.iter().map(|painting| painting.weight);
-                    images.iter().zip(weights)
-                });
-                vec![("coats".into(), all.collect())]
-            }
-        }
-    }
+fn weightless() -> CliError {
+    CliError::Usage("at least one --style needs a weight above 0".into())
 }
 
 /// Coats, each of its paintings in order.
@@ -189,40 +210,26 @@ pub fn coats_of<'a>(
     coats.collect()
 }
 
-/// The look that a model predicts for paintings mixed by weight.
-fn look(model: &Model, paintings: &[(&RgbImage, f32)]) -> Result<Look, CliError> {
-    let inspirations = model.inspirations(paintings.iter().copied())?;
-    let mix = Inspiration::mix(&inspirations).ok_or_else(Styles::weightless)?;
-    model.look(&mix).ok_or(CliError::Unstyled)
-}
-
-/// The same after each has gone on learning for so long.
+/// The looks of mixtures after each has gone on learning for so long.
 fn refined(
     model: &Model,
-    wanted: &[(String, Vec<(&RgbImage, f32)>)],
+    mixtures: &[Mixture],
     time: Duration,
-) -> Result<Vec<Look>, CliError> {
+) -> Result<Vec<Option<Look>>, CliError> {
     if !model.has_style() {
         return Err(CliError::Unstyled);
     }
     let mut refinement = Refinement::new(model)?.ok_or(EvalError::NoTrainingViews)?;
-    let mut bar = Share::new("refine");
-    let mut looks = Vec::with_capacity(wanted.len());
-    for (i, (name, paintings)) in wanted.iter().enumerate() {
+    let mut bar = TimedBar::new("refine");
+    let looks = mixtures.iter().enumerate().map(|(i, mixture)| {
+        let paintings: Vec<_> = mixture.weighed().collect();
         let mut show = |progress: f64| {
-            bar.show((i as f64 + progress) / wanted.len() as f64, name);
+            bar.show((i as f64 + progress) / mixtures.len() as f64, &mixture.name);
         };
-        let look = refinement.look(paintings, Budget::Time(time), &mut show)?;
-        looks.push(look.ok_or_else(Styles::weightless)?);
-    }
-    Ok(looks)
-}
-
-impl RenderSettings {
-    /// A look, put on as they say.
-    pub fn coat(&self, model: &Model, look: Look) -> Result<Coat, CliError> {
-        Ok(model.coat_of(look, self.strength, self.keep, self.mask.as_ref())?)
-    }
+        let look = refinement.look(&paintings, Budget::Time(time), &mut show)?;
+        Ok(Some(look.ok_or_else(weightless)?))
+    });
+    looks.collect()
 }
 
 /// The paintings' names, made different by numbers where they are not.
@@ -231,18 +238,11 @@ fn names(args: &[StyleArg]) -> Vec<String> {
     args.iter()
         .map(|style| {
             let stem = style.painting.stem();
-            let numbered = |n: usize| {
-                if n == 1 {
-                    stem.clone()
-                } else {
-                    format!("{stem}-{n}")
-                }
-            };
-            let mut n = 1;
-            while !taken.insert(numbered(n)) {
-                n += 1;
-            }
-            numbered(n)
+            let numbered = (2..).map(|n| format!("{stem}-{n}"));
+            let mut names = iter::once(stem.clone()).chain(numbered);
+            let free = names.find(|name| taken.insert(name.clone()));
+            // There are always more numbers.
+            free.unwrap_or(stem)
         })
         .collect()
 }

@@ -9,7 +9,7 @@ use impasto::scene::{Camera, Intrinsics, Split, nerf_plus_plus_path};
 use impasto::{Model, ModelScene};
 
 use crate::cli::CliError;
-use crate::output::View;
+use crate::output::Viewpoint;
 
 /// Frames of an orbit or a spiral when none are asked for.
 pub const FRAMES: usize = 60;
@@ -67,7 +67,7 @@ pub fn views(
     source: &ViewSource,
     size: Option<(u32, u32)>,
     frames: Option<usize>,
-) -> Result<Vec<View>, CliError> {
+) -> Result<Vec<Viewpoint>, CliError> {
     if frames == Some(0) {
         return Err(CliError::Usage("--frames must be at least 1".into()));
     }
@@ -84,7 +84,7 @@ pub fn views(
             let place = |i: usize| {
                 let camera = &path[i];
                 Camera {
-                    intrinsics: size.map_or(camera.intrinsics, |s| cropped(&camera.intrinsics, s)),
+                    intrinsics: sized(&camera.intrinsics, size),
                     camera_to_world: scene.normalisation.pose_to_scene(camera.camera_to_world),
                 }
             };
@@ -104,7 +104,7 @@ pub fn views(
             })?
         }
     };
-    let view = |camera| View {
+    let view = |camera| Viewpoint {
         camera,
         photo: None,
     };
@@ -127,33 +127,28 @@ fn photos(
     split: Split,
     size: Option<(u32, u32)>,
     frames: Option<usize>,
-) -> Vec<View> {
-    let photos: Vec<_> = scene
-        .photos
-        .iter()
-        .filter(|photo| photo.split == split)
-        .collect();
-    spread(photos.len(), frames)
-        .map(|i| {
-            let photo = photos[i];
-            let intrinsics = match size {
-                Some(size) => cropped(&photo.camera.intrinsics, size),
-                None => photo.camera.intrinsics,
-            };
-            View {
-                camera: Camera {
-                    intrinsics,
-                    ..photo.camera
-                },
-                photo: Some(photo.name.clone()),
-            }
-        })
-        .collect()
+) -> Vec<Viewpoint> {
+    let photos = scene.photos.iter().filter(|photo| photo.split == split);
+    let photos: Vec<_> = photos.collect();
+    let view = |i: usize| Viewpoint {
+        camera: Camera {
+            intrinsics: sized(&photos[i].camera.intrinsics, size),
+            ..photos[i].camera
+        },
+        photo: Some(photos[i].name.clone()),
+    };
+    spread(photos.len(), frames).map(view).collect()
+}
+
+/// A lens on its own pixel grid, or on one that was asked for.
+fn sized(k: &Intrinsics, size: Option<(u32, u32)>) -> Intrinsics {
+    size.map_or(*k, |size| cropped(k, size))
 }
 
 /// The same lens on another pixel grid. Another shape shows the middle of the photo: nothing is
 /// stretched, and nothing is shown that was not photographed.
-fn cropped(k: &Intrinsics, (width, height): (u32, u32)) -> Intrinsics {
+fn cropped(k: &Intrinsics, size: (u32, u32)) -> Intrinsics {
+    let (width, height) = size;
     let (w, h) = (f64::from(width), f64::from(height));
     let (old_w, old_h) = (f64::from(k.width), f64::from(k.height));
     let scale = (w / old_w).max(h / old_h);

@@ -13,11 +13,11 @@ use impasto::{Device, Model};
 use impasto_train::MODEL_FILE;
 use serde_json::json;
 
-use self::workshop::{Bench, Shown};
+use self::workshop::{ModelWorkshop, Shown};
 use super::device::DeviceArgs;
 use super::ffmpeg::FfmpegArgs;
-use super::{Answer, CliError, console, interrupt};
-use crate::output::Ffmpeg;
+use super::{CliError, CommandOutput, console, interrupt};
+use crate::output::FfmpegProgram;
 
 /// Open the studio: walk through a scene and paint it, in a browser
 ///
@@ -45,13 +45,14 @@ pub struct ViewArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &ViewArgs) -> Result<Answer, CliError> {
+pub fn run(args: &ViewArgs) -> Result<CommandOutput, CliError> {
     let start = Instant::now();
     let device = args.device.open()?;
     let shown = Shown::default();
-    let first = match is_in_training(&args.model) {
-        true => None,
-        false => Some(painter(&args.model, &device, &shown)?),
+    let first = if is_in_training(&args.model) {
+        None
+    } else {
+        Some(painter(&args.model, &device, &shown)?)
     };
     let scratch = tempfile::tempdir().map_err(CliError::write(&std::env::temp_dir()))?;
     let server = Server::bind(ViewOptions {
@@ -71,15 +72,15 @@ pub fn run(args: &ViewArgs) -> Result<Answer, CliError> {
         "the studio is open at {} (Ctrl-C closes it)",
         server.link()
     ));
-    let bench = Bench::new(Arc::clone(&shown), Ffmpeg::new(&args.ffmpeg.program));
+    let workshop = ModelWorkshop::new(Arc::clone(&shown), FfmpegProgram::new(&args.ffmpeg.program));
     let model = args.model.clone();
     let opening = Opening {
         first,
         again: Box::new(move || painter(&model, &device, &shown).map_err(|e| e.to_string())),
     };
     let address = server.address();
-    server.run(opening, Box::new(bench), &stop)?;
-    Ok(Answer {
+    server.run(opening, Box::new(workshop), &stop)?;
+    Ok(CommandOutput {
         text: "the studio is closed".into(),
         json: json!({
             "address": address.to_string(),

@@ -7,21 +7,21 @@ use impasto::view::{ExportOrder, FilmOrder, Formats, Made, PaintOrder, Progress,
 use impasto::{Coat, Model, Stop};
 
 use crate::cli::CliError;
-use crate::cli::render::{FilmOrder as Film, coats_of, film, film_formats};
-use crate::output::Ffmpeg;
+use crate::cli::render::{FilmJob, coats_of, film, film_formats};
+use crate::output::FfmpegProgram;
 
 /// The model that the studio shows, once there is one.
 pub type Shown = Arc<Mutex<Option<Arc<Model>>>>;
 
 /// Makes films and exports of the model that is shown.
-pub struct Bench {
+pub struct ModelWorkshop {
     model: Shown,
-    ffmpeg: Ffmpeg,
+    ffmpeg: FfmpegProgram,
 }
 
-impl Bench {
+impl ModelWorkshop {
     /// One that makes films with an ffmpeg.
-    pub fn new(model: Shown, ffmpeg: Ffmpeg) -> Self {
+    pub fn new(model: Shown, ffmpeg: FfmpegProgram) -> Self {
         Self { model, ffmpeg }
     }
 
@@ -46,7 +46,7 @@ fn coats(model: &Model, paint: &PaintOrder) -> Result<Vec<Coat>, CliError> {
     coats_of(model, specs.collect::<Result<Vec<_>, CliError>>()?)
 }
 
-impl Workshop for Bench {
+impl Workshop for ModelWorkshop {
     fn formats(&self) -> Formats {
         let films = film_formats(&self.ffmpeg).into_iter();
         Formats {
@@ -63,7 +63,7 @@ impl Workshop for Bench {
         let ending = formats.iter().find(|(format, _)| *format == order.format);
         let (_, ending) = ending.ok_or("this machine cannot make such films any more")?;
         let output = order.folder.join(format!("{}.{ending}", file_name(&model)));
-        let film_order = Film {
+        let job = FilmJob {
             cameras: &order.cameras,
             fps: order.fps,
             coats: &coats,
@@ -71,7 +71,7 @@ impl Workshop for Bench {
             output: &output,
             ffmpeg: self.ffmpeg.clone(),
         };
-        film(&model, &film_order, progress, stop).map_err(say)
+        film(&model, &job, progress, stop).map_err(say)
     }
 
     fn export(&mut self, order: &ExportOrder, progress: Progress<'_>, stop: &Stop) -> Made {
@@ -96,15 +96,10 @@ impl Workshop for Bench {
 }
 
 fn file_name(model: &Model) -> String {
-    let name = model.file.scene.name.chars();
-    let plain = name.map(|c| match c.is_ascii_alphanumeric() || c == '-' {
-        true => c,
-        false => '_',
-    });
-    let name: String = plain.take(40).collect();
-    if name.is_empty() {
-        "scene".into()
-    } else {
-        name
+    let unusual = |c: char| !c.is_ascii_alphanumeric() && c != '-';
+    let name: String = model.file.scene.name.chars().take(40).collect();
+    match name.as_str() {
+        "" => "scene".into(),
+        name => name.replace(unusual, "_"),
     }
 }

@@ -10,7 +10,7 @@ use impasto::scene::file::check_regular;
 use impasto::weights::{Checkpoint, Form, Scheme, VGG19_FILE, inspect_vgg19, normalise, sha256};
 use serde_json::json;
 
-use crate::cli::{Answer, CliError, console, to_json};
+use crate::cli::{CliError, CommandOutput, console, to_json};
 use crate::output::{check_folder, write_file};
 
 /// Generated paintings that activations are measured on.
@@ -28,13 +28,13 @@ const PHOTOS: BuiltinOptions = BuiltinOptions {
 const LEAST_DIGITS: usize = 8;
 
 /// Runs the command.
-pub fn run(file: &Path, folder: &Path) -> Result<Answer, CliError> {
+pub fn run(file: &Path, folder: &Path) -> Result<CommandOutput, CliError> {
     check_folder(folder)?;
     install(file, &file.display().to_string(), folder)
 }
 
 /// Installs the checkpoint in `file`, which messages call `name`.
-pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliError> {
+pub fn install(file: &Path, name: &str, folder: &Path) -> Result<CommandOutput, CliError> {
     // A pipe would wait for ever.
     check_regular(file).map_err(CliError::read(file))?;
     let open = || File::open(file).map_err(CliError::read(file));
@@ -62,10 +62,8 @@ pub fn install(file: &Path, name: &str, folder: &Path) -> Result<Answer, CliErro
         }
     };
     let path = folder.join(VGG19_FILE);
-    write_file(&path, |at| {
-        fs::write(at, &bytes).map_err(CliError::write(&path))
-    })?;
-    Ok(Answer {
+    write_file(&path, &bytes)?;
+    Ok(CommandOutput {
         text: format!("VGG-19 is installed: {}", path.display()),
         json: json!({
             "network": "vgg19",

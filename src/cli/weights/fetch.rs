@@ -8,22 +8,22 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use super::add;
-use crate::cli::progress::Download;
-use crate::cli::{Answer, CliError, console};
+use crate::cli::progress::Bar;
+use crate::cli::{CliError, CommandOutput, console};
 use crate::output::Staging;
 
 /// torchvision's own file; the digits are the beginning of its SHA-256.
 const ADDRESS: &str = "https://download.pytorch.org/models/vgg19-dcbb9e9d.pth";
 const NAME: &str = "vgg19-dcbb9e9d.pth";
 /// About its length in bytes, for the progress bar.
-const LENGTH: u64 = 575_000_000;
-/// Time between two looks at how far the download is.
-const LOOK: Duration = Duration::from_millis(200);
+const LENGTH: f64 = 575e6;
+/// Time between two checks how far the download is.
+const POLL: Duration = Duration::from_millis(200);
 /// What curl exits with when it cannot write.
 const WRITE_ERROR: i32 = 23;
 
 /// Runs the command.
-pub fn run(folder: &Path) -> Result<Answer, CliError> {
+pub fn run(folder: &Path) -> Result<CommandOutput, CliError> {
     // Where there is room for what is installed: system-wide temporary folders may be in memory.
     let mut staging = Staging::new(folder)?;
     let file = staging.file(NAME)?;
@@ -49,13 +49,14 @@ fn download(file: &Path) -> io::Result<(ExitStatus, String)> {
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()?;
-    let mut progress = Download::new(LENGTH);
+    let mut bar = Bar::new("download");
     let status = loop {
         if let Some(status) = curl.try_wait()? {
             break status;
         }
-        progress.show(fs::metadata(file).map_or(0, |m| m.len()));
-        sleep(LOOK);
+        let bytes = fs::metadata(file).map_or(0, |m| m.len()) as f64;
+        bar.show((bytes / LENGTH).min(1.0), format!("{:.0} MB", bytes / 1e6));
+        sleep(POLL);
     };
     let mut words = Vec::new();
     if let Some(mut stderr) = curl.stderr.take() {

@@ -13,7 +13,7 @@ use impasto::weights::{
 };
 use serde_json::{Value, json};
 
-use super::{Answer, CliError, to_json};
+use super::{CliError, CommandOutput, to_json};
 
 /// List the networks' weights and check them, or install VGG-19
 #[derive(Debug, Args)]
@@ -36,7 +36,7 @@ enum Network {
 }
 
 /// Runs the command.
-pub fn run(args: &WeightsArgs) -> Result<Answer, CliError> {
+pub fn run(args: &WeightsArgs) -> Result<CommandOutput, CliError> {
     let folder = folder()?;
     match (&args.add, args.fetch) {
         (Some(file), _) => add::run(file, &folder),
@@ -45,7 +45,7 @@ pub fn run(args: &WeightsArgs) -> Result<Answer, CliError> {
     }
 }
 
-fn list(folder: &Path) -> Answer {
+fn list(folder: &Path) -> CommandOutput {
     let path = folder.join(VGG19_FILE);
     let (vgg19, line) = installed(&path);
     let mut text = String::from("shipped with the program\n");
@@ -75,7 +75,7 @@ fn list(folder: &Path) -> Answer {
         folder.display()
     );
     let json = json!({"folder": folder.display().to_string(), "shipped": shipped, "vgg19": vgg19});
-    Answer { text, json }
+    CommandOutput { text, json }
 }
 
 fn describe(weights: &Shipped) -> Value {

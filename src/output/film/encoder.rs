@@ -3,75 +3,45 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use super::FilmFormat;
+use super::format::FilmFormat::{self, Gif, Mp4, WebM};
 use crate::cli::CliError;
 
-/// One of ffmpeg's encoders, with the options that make it good at painted films: much detail that
-/// moves, and no hurry.
+/// One of ffmpeg's encoders: the format that it writes, its name, and the options that make it good
+/// at painted films: much detail that moves, and no hurry.
 #[derive(Debug, Clone, Copy)]
-pub struct Encoder {
-    name: &'static str,
-    options: &'static [&'static str],
-    container: &'static [&'static str],
-}
+pub struct Encoder(FilmFormat, &'static str, &'static str);
 
 impl Encoder {
     /// ffmpeg's words for it.
     pub fn words(&self) -> impl Iterator<Item = &'static str> {
-        let name = ["-c:v", self.name];
-        name.into_iter()
-            .chain(self.options.iter().copied())
-            .chain(self.container.iter().copied())
+        let Self(format, name, options) = *self;
+        let container = match format {
+            WebM => "-f webm",
+            // What is at the beginning of an MP4 can be played before the rest has arrived.
+            Gif | Mp4 => "-movflags +faststart -f mp4",
+        };
+        ["-c:v", name]
+            .into_iter()
+            .chain(options.split(' '))
+            .chain(container.split(' '))
     }
 }
 
-/// What is at the beginning of an MP4 can be played before the rest has arrived.
-const MP4: &[&str] = &["-movflags", "+faststart", "-f", "mp4"];
-const WEBM: &[&str] = &["-f", "webm"];
-
 /// Encoders of each format, the first choice first.
-const ENCODERS: [(FilmFormat, Encoder); 4] = [
-    (
-        FilmFormat::Mp4,
-        Encoder {
-            name: "libx264",
-            options: &["-preset", "medium", "-crf", "18"],
-            container: MP4,
-        },
-    ),
-    (
-        FilmFormat::WebM,
-        Encoder {
-            name: "libvpx-vp9",
-            options: &["-crf", "24", "-b:v", "0", "-row-mt", "1", "-cpu-used", "3"],
-            container: WEBM,
-        },
-    ),
-    (
-        FilmFormat::WebM,
-        Encoder {
-            name: "libsvtav1",
-            options: &["-crf", "26", "-preset", "7"],
-            container: WEBM,
-        },
-    ),
-    (
-        FilmFormat::WebM,
-        Encoder {
-            name: "libaom-av1",
-            options: &["-crf", "24", "-b:v", "0", "-row-mt", "1", "-cpu-used", "6"],
-            container: WEBM,
-        },
-    ),
+const ENCODERS: [Encoder; 4] = [
+    Encoder(Mp4, "libx264", "-preset medium -crf 18"),
+    Encoder(WebM, "libvpx-vp9", "-crf 24 -b:v 0 -row-mt 1 -cpu-used 3"),
+    Encoder(WebM, "libsvtav1", "-crf 26 -preset 7"),
+    Encoder(WebM, "libaom-av1", "-crf 24 -b:v 0 -row-mt 1 -cpu-used 6"),
 ];
 
 /// An ffmpeg that may be there.
 #[derive(Debug, Clone)]
-pub struct Ffmpeg {
+pub struct FfmpegProgram {
     program: PathBuf,
 }
 
-impl Ffmpeg {
+impl FfmpegProgram {
     /// A program, or a name to look for.
     pub fn new(program: &Path) -> Self {
         Self {
@@ -92,9 +62,8 @@ impl Ffmpeg {
     /// # Errors
     /// When there is no ffmpeg, or none that can write this.
     pub fn encoder(&self, format: FilmFormat, path: &Path) -> Result<Option<Encoder>, CliError> {
-        let known = ENCODERS.iter().filter(|(of, _)| *of == format);
-        let mut known = known.map(|(_, encoder)| *encoder).peekable();
-        if known.peek().is_none() {
+        let known = ENCODERS.into_iter().filter(|encoder| encoder.0 == format);
+        if known.clone().next().is_none() {
             return Ok(None);
         }
         let listed = self
@@ -109,19 +78,17 @@ impl Ffmpeg {
             .lines()
             .filter_map(|line| line.split_whitespace().nth(1))
             .collect();
-        match known.clone().find(|encoder| names.contains(&encoder.name)) {
-            Some(encoder) => Ok(Some(encoder)),
-            None => {
-                let wanted: Vec<&str> = known.map(|encoder| encoder.name).collect();
-                Err(CliError::Refused(format!(
-                    "{}: the installed ffmpeg cannot write .{} (it has no {}); install one that can, \
-                     or use .gif",
-                    path.display(),
-                    format.ending(),
-                    wanted.join(" or ")
-                )))
-            }
+        if let Some(encoder) = known.clone().find(|encoder| names.contains(&encoder.1)) {
+            return Ok(Some(encoder));
         }
+        let wanted: Vec<&str> = known.map(|encoder| encoder.1).collect();
+        Err(CliError::Refused(format!(
+            "{}: the installed ffmpeg cannot write .{} (it has no {}); install one that can, or use \
+             .gif",
+            path.display(),
+            format.ending(),
+            wanted.join(" or ")
+        )))
     }
 
     /// The program cannot be started.

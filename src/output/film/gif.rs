@@ -1,7 +1,6 @@
 //! Films that every browser shows, made without any other program.
 
 use std::cell::RefCell;
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -9,9 +8,8 @@ use std::rc::Rc;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, DynamicImage, RgbImage};
 
-use super::same_size;
 use crate::cli::CliError;
-use crate::output::write_file;
+use crate::output::staging::write_file;
 
 /// A GIF counts time in hundredths of a second.
 const TICKS: f64 = 100.0;
@@ -37,7 +35,6 @@ impl Write for Bytes {
 pub struct Gif {
     path: PathBuf,
     fps: f64,
-    size: Option<(u32, u32)>,
     frames: u32,
     bytes: Bytes,
     encoder: GifEncoder<Bytes>,
@@ -50,25 +47,20 @@ impl Gif {
         Self {
             path: path.to_owned(),
             fps,
-            size: None,
             frames: 0,
             encoder: GifEncoder::new_with_speed(bytes.clone(), QUANTISER_SPEED),
             bytes,
         }
     }
 
-    /// Adds a frame.
-    ///
-    /// # Errors
-    /// When its size is not the first one's.
+    /// Adds a frame of the first one's size.
     pub fn add(&mut self, picture: RgbImage) -> Result<(), CliError> {
         let encode = CliError::encode(&self.path);
-        if self.size.is_none()
+        if self.frames == 0
             && let Err(error) = self.encoder.set_repeat(Repeat::Infinite)
         {
             return Err(encode(error));
         }
-        same_size(&mut self.size, &picture)?;
         let pixels = DynamicImage::ImageRgb8(picture).into_rgba8();
         let delay = Delay::from_numer_denom_ms(self.milliseconds(), 1);
         let frame = image::Frame::from_parts(pixels, 0, 0, delay);
@@ -86,16 +78,15 @@ impl Gif {
     /// Writes the film and tells its path.
     pub fn finish(self) -> Result<PathBuf, CliError> {
         drop(self.encoder);
-        let bytes = self.bytes.0.take();
-        write_file(&self.path, |path| {
-            fs::write(path, &bytes).map_err(CliError::write(path))
-        })?;
+        write_file(&self.path, self.bytes.0.take())?;
         Ok(self.path)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use image::AnimationDecoder;
     use image::codecs::gif::GifDecoder;
 
@@ -123,16 +114,6 @@ mod tests {
             "{shades:?}"
         );
         assert_eq!(frames[0].delay().numer_denom_ms(), (80, 1));
-    }
-
-    #[test]
-    fn frames_of_two_sizes_are_refused() {
-        let mut film = Gif::new(Path::new("never-written.gif"), 12.5);
-        film.add(RgbImage::new(4, 4)).unwrap();
-        assert!(matches!(
-            film.add(RgbImage::new(4, 5)),
-            Err(CliError::Refused(_))
-        ));
     }
 
     #[test]

@@ -1,75 +1,20 @@
 //! Moving pictures.
 
 mod encoder;
+mod format;
 mod gif;
 mod video;
 
-pub use encoder::Ffmpeg;
+pub use encoder::FfmpegProgram;
+pub use format::FilmFormat;
 pub use gif::Gif;
 
 use std::path::{Path, PathBuf};
 
-use image::RgbImage;
-
+use self::format::LEAST_FPS;
 use self::video::Video;
-use super::{Frame, Sink};
+use super::frame::{RenderedFrame, Sink};
 use crate::cli::CliError;
-
-/// Least frames a second of any film.
-const LEAST_FPS: f64 = 0.1;
-
-/// What a film is written as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FilmFormat {
-    /// Without any other program; 256 colours a frame.
-    Gif,
-    /// H.264, by ffmpeg.
-    Mp4,
-    /// VP9, or else AV1, by ffmpeg.
-    WebM,
-}
-
-impl FilmFormat {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Gif, Self::Mp4, Self::WebM];
-
-    /// The ending of its files.
-    pub fn ending(self) -> &'static str {
-        match self {
-            Self::Gif => "gif",
-            Self::Mp4 => "mp4",
-            Self::WebM => "webm",
-        }
-    }
-
-    /// The format of files with an ending, in small letters.
-    pub fn of_ending(ending: &str) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|format| format.ending() == ending)
-    }
-
-    /// Frames a second where nobody says how many.
-    pub fn usual_fps(self) -> f64 {
-        match self {
-            Self::Gif => 12.5,
-            Self::Mp4 | Self::WebM => 24.0,
-        }
-    }
-
-    /// The number of frames a second nearest to one that can be had.
-    pub fn nearest_fps(self, fps: f64) -> f64 {
-        fps.clamp(LEAST_FPS, self.most_fps())
-    }
-
-    /// Viewers show a GIF of more frames a second slowly instead.
-    fn most_fps(self) -> f64 {
-        match self {
-            Self::Gif => 50.0,
-            Self::Mp4 | Self::WebM => 240.0,
-        }
-    }
-}
 
 /// How films are made.
 #[derive(Debug, Clone)]
@@ -79,7 +24,7 @@ pub struct FilmOptions {
     /// Frames a second.
     pub fps: f64,
     /// By which ffmpeg, where the format needs one.
-    pub ffmpeg: Ffmpeg,
+    pub ffmpeg: FfmpegProgram,
 }
 
 impl FilmOptions {
@@ -103,7 +48,11 @@ enum Film {
 }
 
 /// One film per variant.
-pub struct Films(Vec<Film>);
+pub struct Films {
+    films: Vec<Film>,
+    /// Of the first frame.
+    size: Option<(u32, u32)>,
+}
 
 impl Films {
     /// Begins films at `path`, or at `path` with the variants' names before its ending where
@@ -117,33 +66,36 @@ impl Films {
                 video.map(Film::Video)
             }
         };
-        if variants.len() < 2 {
-            return Ok(Self(vec![film(path)?]));
-        }
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let ending = options.format.ending();
-        let named = |name: &String| film(&path.with_file_name(format!("{stem}.{name}.{ending}")));
-        variants
-            .iter()
-            .map(named)
-            .collect::<Result<_, _>>()
-            .map(Self)
+        let films = if variants.len() < 2 {
+            vec![film(path)?]
+        } else {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            let ending = options.format.ending();
+            let file = |name| path.with_file_name(format!("{stem}.{name}.{ending}"));
+            let films = variants.iter().map(|name| film(&file(name)));
+            films.collect::<Result<_, _>>()?
+        };
+        Ok(Self { films, size: None })
     }
 }
 
 impl Sink for Films {
-    fn add(&mut self, frame: Frame<'_>) -> Result<(), CliError> {
-        self.0
-            .iter_mut()
-            .zip(frame.pictures)
-            .try_for_each(|(film, picture)| match film {
-                Film::Gif(gif) => gif.add(picture),
-                Film::Video(video) => video.add(&picture),
-            })
+    fn add(&mut self, frame: RenderedFrame<'_>) -> Result<(), CliError> {
+        for (film, picture) in self.films.iter_mut().zip(frame.pictures) {
+            if *self.size.get_or_insert(picture.dimensions()) != picture.dimensions() {
+                let problem = "the views differ in size; give --size to make a film of them";
+                return Err(CliError::Refused(problem.into()));
+            }
+            match film {
+                Film::Gif(gif) => gif.add(picture)?,
+                Film::Video(video) => video.add(&picture)?,
+            }
+        }
+        Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, CliError> {
-        let films = self.0.into_iter();
+        let films = self.films.into_iter();
         films
             .map(|film| match film {
                 Film::Gif(gif) => gif.finish(),
@@ -153,11 +105,35 @@ impl Sink for Films {
     }
 }
 
-/// Refuses a picture of another size than the first one's.
-fn same_size(first: &mut Option<(u32, u32)>, picture: &RgbImage) -> Result<(), CliError> {
-    if *first.get_or_insert(picture.dimensions()) == picture.dimensions() {
-        return Ok(());
+#[cfg(test)]
+mod tests {
+    use image::RgbImage;
+    use impasto::scene::Camera;
+
+    use super::*;
+    use crate::output::Viewpoint;
+
+    #[test]
+    fn frames_of_two_sizes_are_refused() {
+        let options = FilmOptions {
+            format: FilmFormat::Gif,
+            fps: 12.5,
+            ffmpeg: FfmpegProgram::new("ffmpeg".as_ref()),
+        };
+        let mut films = Films::new(Path::new("never-written.gif"), &[], &options).unwrap();
+        let pose = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
+        let view = Viewpoint {
+            camera: Camera::viewpoint(&pose, 50.0, (4, 4)).unwrap(),
+            photo: None,
+        };
+        let mut add = |height| {
+            films.add(RenderedFrame {
+                view: &view,
+                pictures: vec![RgbImage::new(4, height)],
+                depth: &[],
+            })
+        };
+        add(4).unwrap();
+        assert!(matches!(add(5), Err(CliError::Refused(_))));
     }
-    let problem = "the views differ in size; give --size to make a film of them";
-    Err(CliError::Refused(problem.into()))
 }

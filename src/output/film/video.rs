@@ -8,10 +8,9 @@ use std::thread::JoinHandle;
 
 use image::RgbImage;
 
-use super::encoder::{Encoder, Ffmpeg};
-use super::same_size;
+use super::encoder::{Encoder, FfmpegProgram};
 use crate::cli::CliError;
-use crate::output::{Staging, parent};
+use crate::output::staging::{Staging, file_name, parent};
 
 /// RGB to the colours of high-definition video, with tags that say so: players that have to guess
 /// show other reds.
@@ -32,9 +31,8 @@ const COLOURS: [&str; 10] = [
 pub struct Video {
     path: PathBuf,
     fps: f64,
-    ffmpeg: Ffmpeg,
+    ffmpeg: FfmpegProgram,
     encoder: Encoder,
-    size: Option<(u32, u32)>,
     // Ends before the folder goes that it writes to: fields are dropped in this order.
     running: Option<Running>,
     staging: Staging,
@@ -45,29 +43,32 @@ impl Video {
     ///
     /// # Errors
     /// When its folder cannot be made or written to.
-    pub fn new(path: &Path, fps: f64, ffmpeg: Ffmpeg, encoder: Encoder) -> Result<Self, CliError> {
+    pub fn new(
+        path: &Path,
+        fps: f64,
+        ffmpeg: FfmpegProgram,
+        encoder: Encoder,
+    ) -> Result<Self, CliError> {
         Ok(Self {
             path: path.to_owned(),
             fps,
             ffmpeg,
             encoder,
-            size: None,
             running: None,
             staging: Staging::new(&parent(path))?,
         })
     }
 
-    /// Adds a frame.
+    /// Adds a frame of the first one's size.
     ///
     /// # Errors
-    /// When its size is not the first one's, or ffmpeg fails.
+    /// When ffmpeg fails.
     pub fn add(&mut self, picture: &RgbImage) -> Result<(), CliError> {
-        same_size(&mut self.size, picture)?;
         let picture = even(picture);
         let running = match &mut self.running {
             Some(running) => running,
             None => {
-                let running = self.start(picture.dimensions())?;
+                let running = self.start(picture.width(), picture.height())?;
                 self.running.insert(running)
             }
         };
@@ -86,11 +87,10 @@ impl Video {
         Ok(self.path)
     }
 
-    fn start(&mut self, (width, height): (u32, u32)) -> Result<Running, CliError> {
-        let name = self.path.file_name().unwrap_or_default().to_owned();
+    fn start(&mut self, width: u32, height: u32) -> Result<Running, CliError> {
         // An option may not look like another protocol's address.
         let mut output = OsString::from("file:");
-        output.push(self.staging.file(&name.to_string_lossy())?);
+        output.push(self.staging.file(&file_name(&self.path))?);
         let mut command = self.ffmpeg.command();
         command
             .args(["-f", "rawvideo", "-pixel_format", "rgb24"])

@@ -1,7 +1,5 @@
 //! The scene, its training, and favourites.
 
-use std::sync::{Arc, PoisonError};
-
 use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
@@ -11,29 +9,26 @@ use impasto_train::Coats;
 use serde_json::json;
 
 use super::reply::{Refusal, json_body, json_reply, of_type};
-use super::{Studio, apart};
+use super::state::{App, Reply, apart};
 use crate::favourites::Unsaved;
+use crate::sync::lock;
 
 /// Largest preview, in bytes.
 const PREVIEW: u64 = 64 << 20;
 
-pub(super) async fn scene(State(studio): State<Arc<Studio>>) -> Response {
-    match studio.facts() {
+pub(super) async fn scene(State(studio): App) -> Response {
+    match studio.shared.facts() {
         Some(facts) => json_reply(&facts.json()),
         None => json_reply(&json!({"waiting": true, "name": studio.name})),
     }
 }
 
-pub(super) async fn run(State(studio): State<Arc<Studio>>) -> Response {
-    let run = studio.run.lock().unwrap_or_else(PoisonError::into_inner);
-    json_reply(&run.0.json(run.1))
+pub(super) async fn run(State(studio): App) -> Response {
+    json_reply(&lock(&studio.shared.run).json())
 }
 
-pub(super) async fn preview(State(studio): State<Arc<Studio>>) -> Result<Response, Refusal> {
-    let path = {
-        let run = studio.run.lock().unwrap_or_else(PoisonError::into_inner);
-        run.0.preview().map(ToOwned::to_owned)
-    };
+pub(super) async fn preview(State(studio): App) -> Reply {
+    let path = (lock(&studio.shared.run).preview()).map(ToOwned::to_owned);
     let path = path.ok_or_else(|| Refusal::unknown("there is no preview yet"))?;
     let bytes = apart(move || read_whole(&path, PREVIEW)).await?;
     let bytes = bytes
@@ -41,38 +36,34 @@ pub(super) async fn preview(State(studio): State<Arc<Studio>>) -> Result<Respons
     Ok(of_type("image/png", bytes))
 }
 
-pub(super) async fn formats(State(studio): State<Arc<Studio>>) -> Response {
+pub(super) async fn formats(State(studio): App) -> Response {
     let formats = &studio.formats;
     json_reply(&json!({"films": formats.films, "exports": formats.exports}))
 }
 
-pub(super) async fn favourites(State(studio): State<Arc<Studio>>) -> Result<Response, Refusal> {
-    let favourites = apart(move || studio.shelf.list()).await?;
+pub(super) async fn favourites(State(studio): App) -> Reply {
+    let favourites = apart(move || studio.shared.favourites.list()).await?;
     Ok(json_reply(&favourites))
 }
 
 pub(super) async fn save_favourite(
-    State(studio): State<Arc<Studio>>,
+    State(studio): App,
     Path(name): Path<String>,
     body: Body,
-) -> Result<Response, Refusal> {
+) -> Reply {
     let coats: Coats = json_body(body, studio.limits.body).await?;
     coats.check().map_err(|e| Refusal::wrong(e.to_string()))?;
     let saved = apart(move || {
-        studio
-            .shelf
-            .save(&name, coats, &studio.gallery)
-            .map(|()| name)
+        let shared = &studio.shared;
+        let saved = shared.favourites.save(&name, coats, &shared.library);
+        saved.map(|()| name)
     });
     let name = saved.await?.map_err(unsaved)?;
     Ok(json_reply(&json!({"name": name})))
 }
 
-pub(super) async fn remove_favourite(
-    State(studio): State<Arc<Studio>>,
-    Path(name): Path<String>,
-) -> Result<Response, Refusal> {
-    let removed = apart(move || studio.shelf.remove(&name).map(|()| name));
+pub(super) async fn remove_favourite(State(studio): App, Path(name): Path<String>) -> Reply {
+    let removed = apart(move || studio.shared.favourites.remove(&name).map(|()| name));
     let name = removed.await?.map_err(unsaved)?;
     Ok(json_reply(&json!({"name": name})))
 }

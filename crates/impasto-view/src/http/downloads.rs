@@ -4,47 +4,40 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::{HeaderValue, header};
-use axum::response::Response;
 use futures_core::Stream;
 use impasto_scene::file::plainly;
 use tokio::sync::mpsc::{Receiver, channel};
 
-use super::orders::no_job;
+use super::orders::{job_number, no_job};
 use super::reply::{Refusal, of_type};
-use super::{Studio, apart};
+use super::state::{App, Reply, apart};
+use crate::names::plain_name;
 
 /// Bytes that are read at a time.
 const PIECE: usize = 1 << 17;
 /// Pieces that wait for somebody who takes them slowly.
 const AHEAD: usize = 2;
 
-pub(super) async fn job_file(
-    State(studio): State<Arc<Studio>>,
-    Path(id): Path<String>,
-) -> Result<Response, Refusal> {
-    let id: u64 = id.parse().map_err(|_| no_job())?;
-    let path = studio.jobs.file(id).ok_or_else(no_job)?;
-    let name = path
-        .file_name()
-        .map(|name| name.to_string_lossy().into_owned());
-    let name = name.unwrap_or_default();
+pub(super) async fn job_file(State(studio): App, Path(id): Path<String>) -> Reply {
+    let path = studio
+        .shared
+        .jobs
+        .file(job_number(&id)?)
+        .ok_or_else(no_job)?;
+    let name = path.file_name().unwrap_or_default();
+    let name = name.to_string_lossy().into_owned();
     let opened = apart(move || open(path)).await?;
     let (file, length) = opened
         .map_err(|e| Refusal::unknown(format!("the file cannot be read ({})", plainly(&e))))?;
     let mut response = of_type(kind(&name), Body::from_stream(pieces(file, length)));
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_LENGTH, length.into());
-    let plain = |c: char| match c.is_ascii_alphanumeric() || "-_.".contains(c) {
-        true => c,
-        false => '_',
-    };
-    let name: String = name.chars().map(plain).collect();
+    let name = plain_name(&name);
     if let Ok(value) = HeaderValue::from_str(&format!("attachment; filename=\"{name}\"")) {
         headers.insert(header::CONTENT_DISPOSITION, value);
     }

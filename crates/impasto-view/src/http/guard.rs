@@ -10,27 +10,25 @@ use axum::response::{IntoResponse, Response};
 use rand::TryRng;
 use rand::rngs::SysRng;
 
-use super::Studio;
 use super::gate::Pulse;
 use super::reply::Refusal;
 
+/// Where pages listen.
+pub(super) const STREAM: &str = "/api/stream";
 /// Bytes of a token.
 const TOKEN: usize = 16;
 
 /// What requests are held against.
 #[derive(Debug)]
-pub(crate) struct Guard {
+pub(crate) struct AccessGuard {
     /// Needed, if there is one.
     token: Option<String>,
     port: u16,
 }
 
-impl Guard {
+impl AccessGuard {
     pub(crate) fn new(token: bool, port: u16) -> std::io::Result<Self> {
-        let token = match token {
-            true => Some(random_token()?),
-            false => None,
-        };
+        let token = token.then(random_token).transpose()?;
         Ok(Self { token, port })
     }
 
@@ -71,13 +69,13 @@ impl Guard {
             .ok()
             .and_then(|o| o.strip_prefix("http://"))
             .is_some_and(|o| o.eq_ignore_ascii_case(host));
-        match own {
-            true => Ok(()),
-            false => Err(Refusal::new(
-                StatusCode::FORBIDDEN,
-                "another page asked for this; only the studio's own page may",
-            )),
+        if own {
+            return Ok(());
         }
+        Err(Refusal::new(
+            StatusCode::FORBIDDEN,
+            "another page asked for this; only the studio's own page may",
+        ))
     }
 
     /// Where the right token was given; `None` where none is needed.
@@ -145,7 +143,7 @@ fn same(a: &[u8], b: &[u8]) -> bool {
 
 /// Stands before everything else.
 pub(super) async fn watch(
-    State(studio): State<Arc<Studio>>,
+    State(guard): State<Arc<AccessGuard>>,
     request: Request,
     next: Next,
 ) -> Response {
@@ -156,15 +154,15 @@ pub(super) async fn watch(
     }
     let is_page = !request.uri().path().starts_with("/api/");
     let host = request.headers().get(header::HOST).cloned();
-    let mut response = match admit(&studio.guard, &request) {
+    let mut response = match admit(&guard, &request) {
         Err(refusal) => refusal.into_response(),
         Ok(Some(Given::Address)) if is_page => {
             let mut response = StatusCode::SEE_OTHER.into_response();
             let home = HeaderValue::from_static("/");
             response.headers_mut().insert(header::LOCATION, home);
-            with_cookie(&studio.guard, response)
+            with_cookie(&guard, response)
         }
-        Ok(Some(Given::Address)) => with_cookie(&studio.guard, next.run(request).await),
+        Ok(Some(Given::Address)) => with_cookie(&guard, next.run(request).await),
         Ok(_) => next.run(request).await,
     };
     harden(response.headers_mut(), host.as_ref(), is_page);
@@ -176,17 +174,17 @@ pub(super) async fn watch(
     response
 }
 
-fn admit(guard: &Guard, request: &Request) -> Result<Option<Given>, Refusal> {
+fn admit(guard: &AccessGuard, request: &Request) -> Result<Option<Given>, Refusal> {
     let headers = request.headers();
     let host = guard.check_host(headers)?;
     let reads = matches!(*request.method(), Method::GET | Method::HEAD);
-    if !reads || request.uri().path() == super::STREAM {
-        Guard::check_origin(headers, host)?;
+    if !reads || request.uri().path() == STREAM {
+        AccessGuard::check_origin(headers, host)?;
     }
     guard.check_token(headers, request.uri())
 }
 
-fn with_cookie(guard: &Guard, mut response: Response) -> Response {
+fn with_cookie(guard: &AccessGuard, mut response: Response) -> Response {
     let token = guard.token().unwrap_or_default();
     let cookie = format!(
         "{}={token}; Path=/; HttpOnly; SameSite=Strict",
@@ -250,10 +248,10 @@ mod tests {
 
     #[test]
     fn only_own_names_are_answered() {
-        let closed = Guard::new(false, 7007).unwrap();
-        let open = Guard::new(true, 7007).unwrap();
+        let closed = AccessGuard::new(false, 7007).unwrap();
+        let open = AccessGuard::new(true, 7007).unwrap();
         let is_ours =
-            |guard: &Guard, host: &str| guard.check_host(&headers(&[("host", host)])).is_ok();
+            |guard: &AccessGuard, host: &str| guard.check_host(&headers(&[("host", host)])).is_ok();
         for host in [
             "localhost",
             "localhost:7007",
@@ -279,7 +277,7 @@ mod tests {
     #[test]
     fn other_pages_are_refused() {
         let comes = |origin: &str| {
-            Guard::check_origin(&headers(&[("origin", origin)]), "127.0.0.1:7007").is_ok()
+            AccessGuard::check_origin(&headers(&[("origin", origin)]), "127.0.0.1:7007").is_ok()
         };
         assert!(comes("http://127.0.0.1:7007"));
         for origin in [
@@ -291,12 +289,12 @@ mod tests {
         ] {
             assert!(!comes(origin), "{origin}");
         }
-        assert!(Guard::check_origin(&HeaderMap::new(), "127.0.0.1:7007").is_ok());
+        assert!(AccessGuard::check_origin(&HeaderMap::new(), "127.0.0.1:7007").is_ok());
     }
 
     #[test]
     fn a_token_may_come_in_three_ways() {
-        let guard = Guard::new(true, 7007).unwrap();
+        let guard = AccessGuard::new(true, 7007).unwrap();
         let token = guard.token().unwrap().to_owned();
         assert_eq!(token.len(), 32);
         assert_ne!(token, random_token().unwrap());
@@ -320,7 +318,7 @@ mod tests {
             assert!(check(&[("cookie", &format!("impasto-7007={wrong}"))], "/").is_err());
         }
         assert!(check(&[("cookie", &format!("impasto-7008={token}"))], "/").is_err());
-        let closed = Guard::new(false, 7007).unwrap();
+        let closed = AccessGuard::new(false, 7007).unwrap();
         assert!(
             closed
                 .check_token(&HeaderMap::new(), &"/".parse().unwrap())

@@ -1,28 +1,22 @@
 //! Paths, films and exports.
 
-use std::sync::Arc;
-
 use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::{HeaderValue, header};
-use axum::response::Response;
 use impasto_scene::paths::CameraPath;
 use impasto_train::{CoatSpec, Coats};
 use serde_json::{Value, json};
 
 use super::reply::{Refusal, json_body, json_reply};
-use super::{Studio, apart};
-use crate::gallery::Gallery;
+use super::state::{App, Reply, apart};
+use crate::gallery::PaintingLibrary;
 use crate::jobs::Order;
 use crate::message::checked;
 use crate::painter::SceneFacts;
 use crate::path::cameras;
 use crate::workshop::{ExportOrder, ExportRequest, FilmOrder, FilmRequest, Formats, PaintOrder};
 
-pub(super) async fn path(
-    State(studio): State<Arc<Studio>>,
-    body: Body,
-) -> Result<Response, Refusal> {
+pub(super) async fn path(State(studio): App, body: Body) -> Reply {
     let path: CameraPath = json_body(body, studio.limits.body).await?;
     let facts = studio.scene()?;
     let path = apart(move || path_of(&path, &facts)).await?;
@@ -47,10 +41,7 @@ fn path_of(
     Ok((cameras, value))
 }
 
-pub(super) async fn film(
-    State(studio): State<Arc<Studio>>,
-    body: Body,
-) -> Result<Response, Refusal> {
+pub(super) async fn film(State(studio): App, body: Body) -> Reply {
     let request: FilmRequest = json_body(body, studio.limits.body).await?;
     let facts = studio.scene()?;
     known(&request.format, &studio.formats.films, &studio.formats)?;
@@ -60,8 +51,8 @@ pub(super) async fn film(
             ..request.path
         };
         let (cameras, nerfstudio) = path_of(&path, &facts)?;
-        let paint = paint(request.coats, &studio.gallery)?;
-        studio.jobs.add(|folder| {
+        let paint = paint(request.coats, &studio.shared.library)?;
+        studio.shared.jobs.add(|folder| {
             Order::Film(Box::new(FilmOrder {
                 cameras,
                 path: nerfstudio,
@@ -77,16 +68,13 @@ pub(super) async fn film(
     Ok(json_reply(&json!({"job": job})))
 }
 
-pub(super) async fn export(
-    State(studio): State<Arc<Studio>>,
-    body: Body,
-) -> Result<Response, Refusal> {
+pub(super) async fn export(State(studio): App, body: Body) -> Reply {
     let request: ExportRequest = json_body(body, studio.limits.body).await?;
     studio.scene()?;
     known(&request.kind, &studio.formats.exports, &studio.formats)?;
     let job = apart(move || {
-        let paint = paint(request.coats, &studio.gallery)?;
-        studio.jobs.add(|folder| {
+        let paint = paint(request.coats, &studio.shared.library)?;
+        studio.shared.jobs.add(|folder| {
             Order::Export(Box::new(ExportOrder {
                 paint,
                 kind: request.kind,
@@ -110,10 +98,10 @@ fn known(wanted: &str, list: &[String], all: &Formats) -> Result<(), Refusal> {
 }
 
 /// Coats whose paintings there are. They are read when the job's turn comes: many may wait.
-fn paint(coats: Vec<CoatSpec>, gallery: &Gallery) -> Result<PaintOrder, String> {
+fn paint(coats: Vec<CoatSpec>, library: &PaintingLibrary) -> Result<PaintOrder, String> {
     let coats: Coats = checked(coats)?;
     for spec in coats.coats.iter().flat_map(|coat| &coat.paintings) {
-        gallery.file(&spec.painting)?;
+        library.file(&spec.painting)?;
     }
     Ok(PaintOrder {
         coats,
@@ -121,7 +109,7 @@ fn paint(coats: Vec<CoatSpec>, gallery: &Gallery) -> Result<PaintOrder, String> 
     })
 }
 
-fn number(id: &str) -> Result<u64, Refusal> {
+pub(super) fn job_number(id: &str) -> Result<u64, Refusal> {
     id.parse().map_err(|_| no_job())
 }
 
@@ -129,21 +117,20 @@ pub(super) fn no_job() -> Refusal {
     Refusal::unknown("there is no such job any more; start it again")
 }
 
-pub(super) async fn job(
-    State(studio): State<Arc<Studio>>,
-    Path(id): Path<String>,
-) -> Result<Response, Refusal> {
-    let state = studio.jobs.state(number(&id)?).ok_or_else(no_job)?;
+pub(super) async fn job(State(studio): App, Path(id): Path<String>) -> Reply {
+    let state = studio
+        .shared
+        .jobs
+        .state(job_number(&id)?)
+        .ok_or_else(no_job)?;
     Ok(json_reply(&state))
 }
 
-pub(super) async fn stop_job(
-    State(studio): State<Arc<Studio>>,
-    Path(id): Path<String>,
-) -> Result<Response, Refusal> {
-    let id = number(&id)?;
-    match apart(move || studio.jobs.remove(id)).await? {
-        true => Ok(json_reply(&json!({"job": id}))),
-        false => Err(no_job()),
+pub(super) async fn stop_job(State(studio): App, Path(id): Path<String>) -> Reply {
+    let id = job_number(&id)?;
+    if apart(move || studio.shared.jobs.remove(id)).await? {
+        Ok(json_reply(&json!({"job": id})))
+    } else {
+        Err(no_job())
     }
 }

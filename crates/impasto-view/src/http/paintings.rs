@@ -1,6 +1,5 @@
 //! Paintings: what there is, more of them, and small pictures of them.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::Body;
@@ -12,7 +11,7 @@ use serde::Deserialize;
 use tokio::time::timeout;
 
 use super::reply::{Refusal, bytes, drain, json_reply, of_type, too_large};
-use super::{Studio, apart};
+use super::state::{App, Reply, apart};
 use crate::gallery::Untaken;
 
 /// Times the largest upload that is taken in to be refused.
@@ -36,17 +35,17 @@ fn asked<T>(query: Result<Query<T>, QueryRejection>) -> Result<T, Refusal> {
     query.map_err(|e| Refusal::wrong(format!("the address is not understood ({e})")))
 }
 
-pub(super) async fn list(State(studio): State<Arc<Studio>>) -> Result<Response, Refusal> {
-    let list = apart(move || studio.gallery.list()).await?;
+pub(super) async fn list(State(studio): App) -> Reply {
+    let list = apart(move || studio.shared.library.list()).await?;
     Ok(json_reply(&list))
 }
 
 pub(super) async fn upload(
-    State(studio): State<Arc<Studio>>,
+    State(studio): App,
     query: Result<Query<Named>, QueryRejection>,
     headers: HeaderMap,
     body: Body,
-) -> Result<Response, Refusal> {
+) -> Reply {
     let Named { name } = asked(query)?;
     let most = studio.limits.upload;
     let length = headers.get(header::CONTENT_LENGTH);
@@ -62,8 +61,8 @@ pub(super) async fn upload(
         Refusal::busy("other paintings are being uploaded; try again when they are there")
     })?;
     let body = bytes(body, most, studio.limits.body).await?;
-    let gallery = studio.gallery.clone();
-    let taken = apart(move || gallery.take(&name, &body)).await?;
+    let library = studio.shared.library.clone();
+    let taken = apart(move || library.take(&name, &body)).await?;
     drop(permit);
     match taken {
         Ok(painting) => Ok(json_reply(&painting)),
@@ -79,19 +78,19 @@ pub(super) async fn upload(
     }
 }
 
-pub(super) async fn random(State(studio): State<Arc<Studio>>) -> Response {
-    json_reply(&studio.gallery.generate())
+pub(super) async fn random(State(studio): App) -> Response {
+    json_reply(&studio.shared.library.generate())
 }
 
 pub(super) async fn thumbnail(
-    State(studio): State<Arc<Studio>>,
+    State(studio): App,
     query: Result<Query<Identified>, QueryRejection>,
-) -> Result<Response, Refusal> {
+) -> Reply {
     let Identified { id } = asked(query)?;
     // Closed only with the studio.
     let permit = studio.shrinking.acquire().await;
-    let gallery = studio.gallery.clone();
-    let made = apart(move || gallery.thumbnail(&id)).await?;
+    let library = studio.shared.library.clone();
+    let made = apart(move || library.thumbnail(&id)).await?;
     drop(permit);
     let made = made.map_err(Refusal::unknown)?;
     Ok(of_type("image/jpeg", made.as_ref().clone()))

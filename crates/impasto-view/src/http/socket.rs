@@ -6,13 +6,12 @@ use std::time::Duration;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message as Raw, WebSocket, WebSocketUpgrade};
-use axum::response::Response;
 use tokio::sync::mpsc::Receiver;
 use tokio::sync::watch;
 use tokio::time::{Instant, interval, timeout};
 
-use super::Studio;
 use super::reply::Refusal;
+use super::state::{App, AppState, Reply};
 use crate::clients::{Clients, Outgoing};
 use crate::message::{LARGEST, Message, problem};
 
@@ -29,19 +28,19 @@ const TOO_LARGE: u16 = 1009;
 const TRY_LATER: u16 = 1013;
 
 pub(super) async fn open(
-    State(studio): State<Arc<Studio>>,
+    State(studio): App,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
-) -> Result<Response, Refusal> {
+) -> Reply {
     let upgrade = upgrade
         .map_err(|e| Refusal::wrong(format!("a page opens a WebSocket here ({e})")))?
         .max_message_size(LARGEST)
         .max_frame_size(LARGEST)
         .write_buffer_size(0);
     // A page cannot read why a socket was not opened, so it is opened to say so.
-    Ok(match studio.clients.enter() {
+    Ok(match studio.shared.clients.enter() {
         Some((id, inbox)) => {
             let seat = Seat {
-                clients: studio.clients.clone(),
+                clients: studio.shared.clients.clone(),
                 id,
             };
             upgrade.on_upgrade(move |socket| async move {
@@ -79,7 +78,7 @@ impl Drop for Seat {
 }
 
 struct Talk {
-    studio: Arc<Studio>,
+    studio: Arc<AppState>,
     socket: WebSocket,
     seat: Seat,
     malformed: u32,
@@ -91,7 +90,7 @@ type End = Option<(u16, &'static str)>;
 impl Talk {
     async fn go_on(mut self, mut inbox: Receiver<Outgoing>) {
         let mut ping = interval(PING);
-        let mut heard = Instant::now();
+        let mut last_sign = Instant::now();
         let mut closing = self.studio.closing.clone();
         let reading = self.studio.limits.reading;
         let end: End = loop {
@@ -104,16 +103,17 @@ impl Talk {
                     None => Err(None),
                 },
                 incoming = self.socket.recv() => {
-                    heard = Instant::now();
+                    last_sign = Instant::now();
                     match incoming {
-                        Some(Ok(message)) => self.hear(message).await,
-                        Some(Err(error)) => self.misheard(&error).await,
+                        Some(Ok(message)) => self.receive(message).await,
+                        Some(Err(error)) => self.refuse(&error).await,
                         None => Err(None),
                     }
                 }
-                _ = ping.tick() => match heard.elapsed() > SILENCE {
-                    true => Err(None),
-                    false => send(&mut self.socket, reading, Raw::Ping(Default::default())).await,
+                _ = ping.tick() => if last_sign.elapsed() > SILENCE {
+                    Err(None)
+                } else {
+                    send(&mut self.socket, reading, Raw::Ping(Default::default())).await
                 },
                 _ = is_closing(&mut closing) => {
                     Err(Some((GOING_AWAY, "the studio closes")))
@@ -128,10 +128,10 @@ impl Talk {
         }
     }
 
-    async fn hear(&mut self, message: Raw) -> Result<(), End> {
+    async fn receive(&mut self, message: Raw) -> Result<(), End> {
         let heard = match message {
             Raw::Text(text) => Message::read(&text).and_then(|message| {
-                let heard = self.seat.clients.hear(self.seat.id, message);
+                let heard = self.seat.clients.receive(self.seat.id, message);
                 heard.map_err(|reason| problem(&reason, None))
             }),
             Raw::Binary(_) => Err(problem("messages are text here; see docs/studio.md", None)),
@@ -144,13 +144,14 @@ impl Talk {
         };
         say(&mut self.socket, self.studio.limits.reading, said).await?;
         self.malformed += 1;
-        match self.malformed >= self.studio.limits.malformed {
-            true => Err(Some((AGAINST_RULES, "too many malformed messages"))),
-            false => Ok(()),
+        if self.malformed >= self.studio.limits.malformed {
+            return Err(Some((AGAINST_RULES, "too many malformed messages")));
         }
+        Ok(())
     }
 
-    async fn misheard(&mut self, error: &axum::Error) -> Result<(), End> {
+    /// What a message that cannot be read ends the talk with.
+    async fn refuse(&mut self, error: &axum::Error) -> Result<(), End> {
         let text = error.to_string();
         if !text.contains("too long") {
             return Err(None);

@@ -1,4 +1,4 @@
-//! What the painter remembers for one page: its view in pieces, and the paint.
+//! What the painter remembers for one page: its view in parts, and the paint.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -10,10 +10,10 @@ use impasto_train::Coats;
 use super::pace::{Pace, bands};
 use crate::frame::Level;
 use crate::message::{Picked, ViewMessage};
-use crate::painter::{Painter, View};
+use crate::painter::{Painter, ViewGeometry};
 
 /// A part of a view, rendered at once.
-pub(super) struct Piece<V> {
+pub(super) struct ViewPart<V> {
     pub(super) level: Level,
     /// First row and number of rows, in the view's pixels.
     pub(super) rows: (u32, u32),
@@ -23,7 +23,7 @@ pub(super) struct Piece<V> {
     picture: Option<RgbImage>,
 }
 
-impl<V: View> Piece<V> {
+impl<V: ViewGeometry> ViewPart<V> {
     fn new(level: Level, rows: (u32, u32), camera: Camera) -> Self {
         Self {
             level,
@@ -46,7 +46,7 @@ impl<V: View> Piece<V> {
 
     fn bytes(&self) -> usize {
         let picture = self.picture.as_ref().map_or(0, |p| p.as_raw().len());
-        self.geometry.as_ref().map_or(0, View::bytes) + picture
+        self.geometry.as_ref().map_or(0, ViewGeometry::bytes) + picture
     }
 
     /// What is at a place of the picture, in the pixels that were rendered.
@@ -81,8 +81,8 @@ pub(super) struct Easel<P: Painter> {
     /// The coats that are on it, and since when.
     pub(super) coats: (u32, Coats, Instant),
     pub(super) paint: Option<P::Paint>,
-    pieces: Vec<Piece<P::View>>,
-    /// Indices of the pieces that are still to be painted.
+    parts: Vec<ViewPart<P::Geometry>>,
+    /// Indices of the parts that are still to be painted.
     plan: VecDeque<usize>,
 }
 
@@ -92,16 +92,16 @@ impl<P: Painter> Easel<P> {
             view: None,
             coats: (0, Coats { coats: Vec::new() }, Instant::now()),
             paint: None,
-            pieces: Vec::new(),
+            parts: Vec::new(),
             plan: VecDeque::new(),
         }
     }
 
-    /// Looks at something from now on; geometry is kept where it is the same.
-    pub(super) fn look(&mut self, view: ViewMessage, since: Instant, pace: &Pace) {
+    /// Shows another view from now on; geometry is kept where it is the same.
+    pub(super) fn set_view(&mut self, view: ViewMessage, since: Instant, pace: &Pace) {
         let same = |(old, _): &(ViewMessage, Instant)| old.camera == view.camera;
         if !self.view.as_ref().is_some_and(same) {
-            self.pieces.clear();
+            self.parts.clear();
         }
         self.view = Some((view, since));
         self.plan(pace);
@@ -114,28 +114,29 @@ impl<P: Painter> Easel<P> {
             return;
         };
         let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
-        if self.pieces.is_empty() {
-            let (width, height) = pace.coarse(size);
+        if self.parts.is_empty() {
+            let (width, height) = pace.coarse(size.0, size.1);
             let camera = view.camera.resized(width, height);
-            let level = match (width, height) == size {
-                true => Level::Sharp,
-                false => Level::Coarse,
+            let level = if (width, height) == size {
+                Level::Sharp
+            } else {
+                Level::Coarse
             };
-            self.pieces.push(Piece::new(level, (0, size.1), camera));
+            self.parts.push(ViewPart::new(level, (0, size.1), camera));
         }
-        let is_sharp = self.pieces[0].level == Level::Sharp;
-        if !view.moving && !is_sharp && self.pieces.len() == 1 {
-            let bands = bands(size.1, pace.rows(size));
-            self.pieces.extend(
-                bands
-                    .into_iter()
-                    .map(|rows| Piece::new(Level::Sharp, rows, view.camera.rows(rows.0, rows.1))),
+        let is_sharp = self.parts[0].level == Level::Sharp;
+        if !view.moving && !is_sharp && self.parts.len() == 1 {
+            let bands = bands(size.1, pace.rows(size.0, size.1));
+            self.parts.extend(
+                bands.into_iter().map(|rows| {
+                    ViewPart::new(Level::Sharp, rows, view.camera.rows(rows.0, rows.1))
+                }),
             );
         }
-        let sharp = 1..self.pieces.len();
+        let sharp = 1..self.parts.len();
         let all_there = || {
-            let mut bands = self.pieces[1..].iter();
-            bands.all(|piece| piece.geometry.is_some())
+            let mut bands = self.parts[1..].iter();
+            bands.all(|part| part.geometry.is_some())
         };
         // What can be sharp at once need not be coarse first.
         if view.moving || is_sharp || !all_there() {
@@ -151,36 +152,36 @@ impl<P: Painter> Easel<P> {
         self.plan.is_empty()
     }
 
-    /// The next piece, and whether it is the last.
-    pub(super) fn next(&mut self) -> Option<(&mut Piece<P::View>, bool)> {
+    /// The next part, and whether it is the last.
+    pub(super) fn next(&mut self) -> Option<(&mut ViewPart<P::Geometry>, bool)> {
         let index = self.plan.pop_front()?;
         let last = self.plan.is_empty();
-        Some((self.pieces.get_mut(index)?, last))
+        Some((self.parts.get_mut(index)?, last))
     }
 
-    /// What is at a place of the view, from 0 to 1; from the sharpest piece that shows it.
+    /// What is at a place of the view, from 0 to 1; from the sharpest part that shows it.
     pub(super) fn pick(&self, x: f64, y: f64) -> Option<Picked> {
         let (view, _) = self.view.as_ref()?;
         let row = y * f64::from(view.camera.intrinsics.height);
-        self.pieces.iter().rev().find_map(|piece| {
-            let (width, height) = piece.size();
-            let part = (row - f64::from(piece.rows.0)) / f64::from(piece.rows.1);
+        self.parts.iter().rev().find_map(|part| {
+            let (width, height) = part.size();
+            let down = (row - f64::from(part.rows.0)) / f64::from(part.rows.1);
             (0.0..=1.0)
-                .contains(&part)
-                .then(|| piece.at(x * f64::from(width), part * f64::from(height)))?
+                .contains(&down)
+                .then(|| part.at(x * f64::from(width), down * f64::from(height)))?
         })
     }
 
-    /// Memory that its pieces take.
+    /// Memory that its parts take.
     pub(super) fn bytes(&self) -> usize {
-        self.pieces.iter().map(Piece::bytes).sum()
+        self.parts.iter().map(ViewPart::bytes).sum()
     }
 
     /// Lets go of geometry. What is painted already stays painted.
     pub(super) fn forget(&mut self) {
-        for piece in &mut self.pieces {
-            piece.geometry = None;
-            piece.picture = None;
+        for part in &mut self.parts {
+            part.geometry = None;
+            part.picture = None;
         }
     }
 }

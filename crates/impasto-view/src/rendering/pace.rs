@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// Time that a coarse picture may take.
 const COARSE: f64 = 0.08;
-/// Time between two looks at what is wanted now.
+/// Time between two checks of what is wanted now.
 const BAND: f64 = 0.12;
 /// Coarsest picture, as a part of the view's width.
 const COARSEST: f64 = 1.0 / 16.0;
@@ -38,7 +38,7 @@ impl Pace {
     }
 
     /// Width and height of a coarse picture; the view's own where that is fast enough.
-    pub(crate) fn coarse(&self, (width, height): (u32, u32)) -> (u32, u32) {
+    pub(crate) fn coarse(&self, width: u32, height: u32) -> (u32, u32) {
         let pixels = f64::from(width) * f64::from(height);
         let scale = (self.rate * COARSE / pixels).sqrt().clamp(COARSEST, 1.0);
         // Hardly coarser is not worth a second picture.
@@ -48,7 +48,7 @@ impl Pace {
     }
 
     /// Rows of a band of a sharp picture.
-    pub(crate) fn rows(&self, (width, height): (u32, u32)) -> u32 {
+    pub(crate) fn rows(&self, width: u32, height: u32) -> u32 {
         // Saturates.
         let rows = (self.rate * BAND / f64::from(width)) as u32;
         (rows / BLOCK * BLOCK).clamp(BLOCK, height.max(BLOCK))
@@ -89,18 +89,18 @@ mod tests {
         for _ in 0..20 {
             pace.note(10_000, Duration::from_millis(100));
         }
-        let (width, height) = pace.coarse((640, 360));
+        let (width, height) = pace.coarse(640, 360);
         assert!((7000..9000).contains(&(width * height)), "{width}×{height}");
-        assert_eq!(pace.rows((640, 360)), 16);
+        assert_eq!(pace.rows(640, 360), 16);
         for _ in 0..40 {
             pace.note(10_000, Duration::from_nanos(1));
         }
-        assert_eq!(pace.coarse((640, 360)), (640, 360));
-        assert_eq!(pace.rows((640, 360)), 360);
+        assert_eq!(pace.coarse(640, 360), (640, 360));
+        assert_eq!(pace.rows(640, 360), 360);
         for _ in 0..60 {
             pace.note(300, Duration::from_secs(100));
         }
-        assert_eq!(pace.coarse((640, 360)), (40, 23));
-        assert_eq!(pace.rows((640, 360)), 8);
+        assert_eq!(pace.coarse(640, 360), (40, 23));
+        assert_eq!(pace.rows(640, 360), 8);
     }
 }

@@ -17,9 +17,10 @@ use std::time::Duration;
 
 use image::{ImageFormat, Rgb, RgbImage};
 use impasto_scene::{Camera, Normalisation, Split};
-use impasto_train::{Coats, Stop};
+use impasto_train::{Coats, ModelPhoto, Stop};
 use impasto_view::{
-    Limits, NoWorkshop, Opening, Painter, Pictures, SceneFacts, Server, View, ViewOptions, Workshop,
+    ExportOrder, FilmOrder, Formats, Limits, Made, Opening, Painter, Pictures, Progress,
+    SceneFacts, Server, ViewGeometry, ViewOptions, Workshop,
 };
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -45,12 +46,29 @@ pub struct StandIn {
     pub name: &'static str,
 }
 
+/// A workshop that makes nothing.
+pub struct NoWorkshop;
+
+impl Workshop for NoWorkshop {
+    fn formats(&self) -> Formats {
+        Formats::default()
+    }
+
+    fn film(&mut self, _: &FilmOrder, _: Progress<'_>, _: &Stop) -> Made {
+        Err("films cannot be made here".into())
+    }
+
+    fn export(&mut self, _: &ExportOrder, _: Progress<'_>, _: &Stop) -> Made {
+        Err("exports cannot be made here".into())
+    }
+}
+
 pub struct Flat {
     size: (u32, u32),
     depth: Vec<f32>,
 }
 
-impl View for Flat {
+impl ViewGeometry for Flat {
     fn depth(&self) -> &[f32] {
         &self.depth
     }
@@ -65,7 +83,7 @@ pub fn identity() -> [f64; 16] {
 }
 
 impl Painter for StandIn {
-    type View = Flat;
+    type Geometry = Flat;
     type Paint = Rgb<u8>;
 
     fn facts(&self) -> SceneFacts {
@@ -75,7 +93,11 @@ impl Painter for StandIn {
             synthetic: true,
             styled: true,
             normalisation: Normalisation::IDENTITY,
-            photos: vec![("0.png".into(), Split::Train, camera)],
+            photos: vec![ModelPhoto {
+                name: "0.png".into(),
+                split: Split::Train,
+                camera,
+            }],
         }
     }
 
