@@ -30,15 +30,15 @@ variants=(
     "predicted: last layer|--set style.predicted_layers=1"
     "z from relu4_1|--encoder $folder/relu4_1.safetensors"
     "plain mu|--set style.weigh_codes=false"
-    "view direction|--set style.view_dependent_style=true"
+    "view direction|--set style_app.view_bands=2"
     "photo term|--set style.photo_weight=1"
-    "warm-up, a tenth|--set style.style_warmup=$((steps / 10))"
+    "warm-up, a tenth|--set style.style_loss_start=$((steps / 10))"
     "one distance of all layers|--set style.style_reduction=concatenated --set style.style_weight=60"
     "strides 1/2, 1/3|--set style.strides={\"paper\":[2,3]}"
     "strides 1/1, 1/1|--set style.strides={\"paper\":[1,1]}"
     "patch 34x40|--set style.patch=[34,40]"
-    "roughness not weighed|--set style.roughness_weight=0"
-    "no canvas|--set style_app.canvas=null"
+    "roughness not weighed|--set style.smoothness_weight=0"
+    "no canvas|--set style.shading.surface.canvas=null"
 )
 
 printf '| variant | style gain | retrieval | style loss | content loss |\n|---|---|---|---|---|\n'

@@ -28,8 +28,8 @@
 //!
 //! let model = Model::load(&summary.model)?;
 //! let painting = scene::read_rgb("painting.jpg".as_ref())?;
-//! let look = model.look(&model.inspiration(&painting)?).ok_or("no style stage yet")?;
-//! let view = model.render(&model.file.scene.photos[0].camera, &[&look]);
+//! let appearance = model.appearance(&model.embedding(&painting)?).ok_or("no style stage yet")?;
+//! let view = model.render(&model.file.scene.photos[0].camera, &[&appearance]);
 //! view.image(0).save("view.png")?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -38,15 +38,19 @@
 
 pub use impasto_eval as eval;
 pub use impasto_export as export;
+pub use impasto_model::{
+    Budget, ColorPreservation, Device, DeviceChoice, LOST, LayerError, MaskShape, MaskSpec, Model,
+    ModelError, ModelPhoto, ModelScene, NoDevice, Opened, PaintingSpec, RenderedView, Stages, Stop,
+    StyleEmbedding, StyleLayer, StyleLayerSpec, StyleLayers, StyledAppearance, TrainConfig,
+    ViewGBuffer, is_cpu,
+};
 pub use impasto_paintings as paintings;
 pub use impasto_prepare as prepare;
 pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
-    Budget, Coat, CoatError, CoatSpec, Coats, Device, DeviceChoice, EncoderCheck, EncoderOptions,
-    EncoderSummary, Event, Inspiration, Keep, LOST, Look, MaskSpec, Model, ModelPhoto, ModelScene,
-    NoDevice, Opened, PaintingSpec, PreparedView, Recovery, Refinement, RenderedView, Shape, Stage,
-    Stages, Stop, TrainConfig, TrainError, TrainOptions, TrainSummary, Unfinished, cache_folder,
-    check_encoder, is_cpu, read_encoder, read_paintings, train, train_encoder,
+    EncoderCheck, EncoderOptions, EncoderSummary, Event, Recovery, Refinement, Stage, TrainError,
+    TrainOptions, TrainSummary, Unfinished, cache_folder, check_encoder, read_encoder,
+    read_paintings, train, train_encoder,
 };
 pub use impasto_view as view;

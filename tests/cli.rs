@@ -218,8 +218,8 @@ fn small() -> String {
     let settings = [
         "style.patch=[36,44]",
         "style.generated=6",
-        "field.sampling.inner_grid=24",
-        "field.sampling.outer_grid=24",
+        "field.sampling.occupancy.inner_grid=24",
+        "field.sampling.occupancy.outer_grid=24",
         "field.inner.encoding.hash_grid.log2_entries=12",
         "field.outer.encoding.hash_grid.log2_entries=12",
         "geometry.samples=20000",

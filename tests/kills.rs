@@ -18,8 +18,8 @@ use tempfile::TempDir;
 /// A run of both stages that takes a second or two and keeps a checkpoint after each step.
 const RUN: &str = "train scene -o model --styles paintings --steps 24 --checkpoint-every 0s \
     --set style.patch=[36,44] \
-    --set style.generated=3 --set style.pool=2 --set field.sampling.inner_grid=24 \
-    --set field.sampling.outer_grid=24 --set field.inner.encoding.hash_grid.log2_entries=12 \
+    --set style.generated=3 --set style.pool=2 --set field.sampling.occupancy.inner_grid=24 \
+    --set field.sampling.occupancy.outer_grid=24 --set field.inner.encoding.hash_grid.log2_entries=12 \
     --set field.outer.encoding.hash_grid.log2_entries=12 --set geometry.samples=20000 \
     --set geometry.grid_every=4 --set style.hyper_width=8";
 

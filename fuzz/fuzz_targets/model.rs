@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use impasto_fuzz::{check_message, scratch};
-use impasto_train::{Device, ModelFile};
+use impasto_model::{Device, ModelFile};
 use libfuzzer_sys::fuzz_target;
 
 static FILE: LazyLock<PathBuf> = LazyLock::new(|| scratch().join("model.safetensors"));

@@ -4,9 +4,8 @@ use std::path::Path;
 
 use impasto_scene::{LoadOptions, load};
 use impasto_style::{StyleCode, StyleInput, write_f16};
-use impasto_train::{
-    Device, GeometryStage, ModelFile, ModelPhoto, ModelScene, Quality, TrainConfig,
-};
+use impasto_model::{Device, ModelFile, ModelPhoto, ModelScene, Quality, TrainConfig};
+use impasto_train::{GeometryStage};
 use serde_json::json;
 
 use crate::scene::Target;

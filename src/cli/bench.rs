@@ -34,7 +34,7 @@ const VIEWS: usize = 5;
 pub fn run(args: &BenchArgs) -> Result<CommandOutput, CliError> {
     let opened = args.device.open_named()?;
     if let Some(path) = &args.model {
-        let model = Model::load_on(path, opened.device.clone())?;
+        let model = Model::load_on(path, &opened.device)?;
         return render(&model, &opened.device, args.size);
     }
     let report = if is_cpu(&opened.device) {
@@ -55,17 +55,17 @@ fn render(model: &Model, device: &Device, size: (u32, u32)) -> Result<CommandOut
     let camera = camera.ok_or_else(|| CliError::Refused("this model has no cameras".into()))?;
     let camera = camera.resized(width, height);
     let painting = impasto::paintings::paint(&Recipe::random(1), 256, 256);
-    let code = model.inspiration(&painting)?;
-    let styled = model.look(&code);
+    let code = model.embedding(&painting)?;
+    let styled = model.appearance(&code);
     let (look, what) = match &styled {
         Some(look) => (look.clone(), "stylised"),
-        None => (model.photo_look(), "unstylised"),
+        None => (model.photo_appearance(), "unstylised"),
     };
     let frame = fastest(|| model.render(&camera, &[&look]));
     // A look is on its way to the device before it is there.
     let switch = styled
         .is_some()
-        .then(|| fastest(|| (model.look(&code), device.sync())));
+        .then(|| fastest(|| (model.appearance(&code), device.sync())));
     let text = switch.map_or(String::new(), |s| {
         format!(", another style in {:.1} ms", 1e3 * s)
     });

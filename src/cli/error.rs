@@ -13,7 +13,7 @@ use impasto::scene::builtin::WriteCaptureError;
 use impasto::scene::file::plainly;
 use impasto::scene::paths::PathError;
 use impasto::view::ViewError;
-use impasto::{CoatError, NoDevice, StyleError, TrainError};
+use impasto::{LayerError, ModelError, NoDevice, StyleError, TrainError};
 
 use super::CommandOutput;
 
@@ -58,7 +58,10 @@ pub enum CliError {
     /// Writing the built-in capture.
     #[error(transparent)]
     Capture(#[from] WriteCaptureError),
-    /// Training, or a model file.
+    /// A model file.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// Training.
     #[error(transparent)]
     Train(#[from] TrainError),
     /// A style image or the networks that look at it.
@@ -97,7 +100,7 @@ pub enum CliError {
     },
     /// A coat cannot be put on.
     #[error(transparent)]
-    Coat(#[from] CoatError),
+    StyleLayer(#[from] LayerError),
     /// A style image cannot be decoded.
     #[error(
         "{}: not a usable painting ({problem}); give a JPEG, PNG, WebP, TIFF or GIF picture",

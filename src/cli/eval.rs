@@ -65,7 +65,7 @@ pub fn run(args: &EvalArgs) -> Result<CommandOutput, CliError> {
     if let Some(folder) = &args.output {
         check_folder(folder)?;
     }
-    let (model, read) = args.judged.load(args.device.open()?)?;
+    let (model, read) = args.judged.load(&args.device.open()?)?;
     let path = small_orbit(&model, args.frames, LONGEST)?;
     let opened = args.methods.open()?;
     let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();

@@ -30,7 +30,7 @@ pub struct ExportArgs {
     /// A painting; several are mixed by their weights (IMAGE:0.7)
     #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
     styles: Vec<StyleArg>,
-    /// Coats of paint, one over the other, in place of styles: a JSON file as the studio saves it
+    /// StyleLayers of paint, one over the other, in place of styles: a JSON file as the studio saves it
     #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "strength", "keep", "mask"])]
     coats: Option<PathBuf>,
     #[command(flatten)]
@@ -87,7 +87,7 @@ pub fn run(args: &ExportArgs) -> Result<CommandOutput, CliError> {
     }
     let styles = Styles::load(&args.styles, args.coats.as_deref())?;
     check_folder(&parent(&args.output))?;
-    let model = Model::load_on(&args.model, args.device.open()?)?;
+    let model = Model::load_on(&args.model, &args.device.open()?)?;
     let mut variants = styles.variants(&model, None, &args.settings)?;
     let coats = variants.pop().unwrap_or_default();
 

@@ -45,7 +45,7 @@ pub struct JudgedArgs {
 
 impl JudgedArgs {
     /// Reads both.
-    pub fn load(&self, device: Device) -> Result<(Model, Paintings), CliError> {
+    pub fn load(&self, device: &Device) -> Result<(Model, Paintings), CliError> {
         let model = Model::load_on(&self.model, device)?;
         let paintings = read_paintings(&self.styles).map_err(CliError::read(&self.styles))?;
         Ok((model, paintings))

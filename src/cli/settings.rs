@@ -230,16 +230,14 @@ mod tests {
 
     #[test]
     fn an_alternative_is_replaced_as_a_whole() {
-        let config = set(&["style_app.canvas=null"]).unwrap();
-        assert_eq!(config.style_app.canvas, None);
-        let config = set(&[r#"style_app.canvas={"frequency": {"bands": 4}}"#]).unwrap();
-        assert!(
-            config
-                .style_app
-                .canvas
-                .is_some_and(|c| c.hash_grid().is_none())
-        );
-        assert!(set(&[r#"style_app.canvas={"wavelet": {}}"#]).is_err());
+        let config = set(&["style.shading.surface.canvas=null"]).unwrap();
+        assert_eq!(config.style.shading.canvas(), None);
+        let config = set(&["style.shading=samples"]).unwrap();
+        assert_eq!(config.style.shading, Shading::Samples);
+        let frequency = r#"field.inner.encoding={"frequency": {"bands": 4}}"#;
+        let config = set(&[frequency]).unwrap();
+        assert_eq!(config.field.inner.encoding.hash_grid(), None);
+        assert!(set(&[r#"field.inner.encoding={"wavelet": {}}"#]).is_err());
     }
 
     #[test]

@@ -107,7 +107,7 @@ fn make(args: &MakeArgs) -> Result<CommandOutput, CliError> {
             key.display()
         )));
     }
-    let (model, read) = args.judged.load(args.device.open()?)?;
+    let (model, read) = args.judged.load(&args.device.open()?)?;
     let opened = args.methods.open()?;
     let against: Vec<&dyn Stylizer> = opened.iter().map(Box::as_ref).collect();
     let options = StudyOptions {

@@ -94,7 +94,8 @@ fn check(file: Option<&Path>, heldout: (&Path, u32)) -> Result<CommandOutput, Cl
     };
     let mut progress = TrainingProgress::default();
     let cache = cache_folder();
-    let check = check_encoder(&vae, heldout, cache.as_deref(), &mut |event| {
+    let (folder, side) = heldout;
+    let check = check_encoder(&vae, folder, side, cache.as_deref(), &mut |event| {
         progress.show(event);
     })?;
     drop(progress);

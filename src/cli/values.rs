@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use impasto::{Keep, MaskSpec, Shape};
+use impasto::{ColorPreservation, MaskShape, MaskSpec};
 
 /// Longest side that can be asked for, in pixels.
 const LONGEST_SIDE: u32 = 16_384;
@@ -99,11 +99,11 @@ pub fn share(text: &str) -> Result<f32, String> {
 }
 
 /// Reads whose colours a coat keeps.
-pub fn keep(text: &str) -> Result<Keep, String> {
+pub fn keep(text: &str) -> Result<ColorPreservation, String> {
     match text {
-        "none" => Ok(Keep::None),
-        "luminance" => Ok(Keep::Luminance),
-        "palette" => Ok(Keep::Palette),
+        "none" => Ok(ColorPreservation::None),
+        "luminance" => Ok(ColorPreservation::Luminance),
+        "palette" => Ok(ColorPreservation::Palette),
         _ => Err(format!("\"{text}\" is neither luminance nor palette")),
     }
 }
@@ -128,16 +128,16 @@ pub fn mask(text: &str) -> Result<MaskSpec, String> {
     Ok(mask)
 }
 
-fn mask_shape(text: &str) -> Option<Shape> {
+fn mask_shape(text: &str) -> Option<MaskShape> {
     let (name, values) = text.split_once(':').unwrap_or((text, ""));
     let number = |text: &str| text.trim().parse::<f32>().ok();
     let numbers: Option<Vec<f32>> = values.split(',').map(number).collect();
     Some(match (name, numbers.as_deref()) {
-        ("near", _) if values.is_empty() => Shape::Near,
-        ("far", _) if values.is_empty() => Shape::Far,
+        ("near", _) if values.is_empty() => MaskShape::Near,
+        ("far", _) if values.is_empty() => MaskShape::Far,
         ("depth", _) => {
             let (from, to) = values.split_once("..")?;
-            Shape::Depth {
+            MaskShape::Depth {
                 from: number(from)?,
                 to: match to.trim() {
                     "" => None,
@@ -145,16 +145,16 @@ fn mask_shape(text: &str) -> Option<Shape> {
                 },
             }
         }
-        ("box", Some(&[a, b, c, d, e, f])) => Shape::Box {
+        ("box", Some(&[a, b, c, d, e, f])) => MaskShape::Box {
             min: [a.min(d), b.min(e), c.min(f)],
             max: [a.max(d), b.max(e), c.max(f)],
         },
-        ("sphere", Some(&[x, y, z, radius])) => Shape::Sphere {
+        ("sphere", Some(&[x, y, z, radius])) => MaskShape::Sphere {
             centre: [x, y, z],
             radius,
         },
         ("surface", Some(&[x, y, z, ref tolerance @ ..])) if tolerance.len() < 2 => {
-            Shape::Surface {
+            MaskShape::Surface {
                 point: [x, y, z],
                 tolerance: tolerance.first().copied().unwrap_or(TOLERANCE),
             }
@@ -182,28 +182,28 @@ mod tests {
     #[test]
     fn masks_are_shapes_or_all_but_a_shape() {
         let shape = |text: &str| mask(text).map(|mask| (mask.shape, mask.inverted));
-        assert_eq!(shape("not:near"), Ok((Shape::Near, true)));
+        assert_eq!(shape("not:near"), Ok((MaskShape::Near, true)));
         assert_eq!(
             shape("depth:0.5.."),
             Ok((
-                Shape::Depth {
+                MaskShape::Depth {
                     from: 0.5,
                     to: None
                 },
                 false
             ))
         );
-        let sphere = Shape::Sphere {
+        let sphere = MaskShape::Sphere {
             centre: [-1.0, 0.0, 0.5],
             radius: 0.25,
         };
         assert_eq!(shape("sphere:-1, 0, .5, .25"), Ok((sphere, false)));
-        let corners = Shape::Box {
+        let corners = MaskShape::Box {
             min: [0.0; 3],
             max: [1.0, 2.0, 3.0],
         };
         assert_eq!(shape("box:1,0,3,0,2,0"), Ok((corners, false)));
-        let surface = Shape::Surface {
+        let surface = MaskShape::Surface {
             point: [0.0; 3],
             tolerance: TOLERANCE,
         };

@@ -12,9 +12,9 @@ use crate::results::{Evaluation, compare_with_photo};
 use crate::training::{HOW, Reconstruct, reconstructed, refined, training_views};
 use crate::trajectory::Trajectory;
 use image::RgbImage;
+use impasto_model::{Budget, Model};
 use impasto_scene::Camera;
 use impasto_style::Perceptual;
-use impasto_train::{Budget, Model};
 use std::collections::BTreeMap;
 
 /// What to evaluate on.

@@ -9,9 +9,9 @@ use crate::render::{GROUP, views};
 use crate::results::{MethodResult, NamedResult, PaintingMetrics};
 use crate::trajectory::{Trajectory, TrajectoryMetrics};
 use image::RgbImage;
+use impasto_model::{Model, StyledAppearance};
 use impasto_scene::Camera;
 use impasto_style::StyleError;
-use impasto_train::{Look, Model};
 use rayon::prelude::*;
 
 /// What all methods are measured with.
@@ -36,7 +36,11 @@ pub(crate) struct Evaluator<'a> {
 
 impl Evaluator<'_> {
     /// Held-out views and frames of the path with every look, look by look.
-    pub(crate) fn render(&mut self, model: &Model, looks: &[&Look]) -> [Vec<Vec<RgbImage>>; 2] {
+    pub(crate) fn render(
+        &mut self,
+        model: &Model,
+        looks: &[&StyledAppearance],
+    ) -> [Vec<Vec<RgbImage>>; 2] {
         let side = self.supersampling;
         [self.cameras, self.path].map(|cameras| views(model, side, cameras, looks, self.tick))
     }
@@ -92,12 +96,12 @@ impl Evaluator<'_> {
     pub(crate) fn looks(
         &mut self,
         name: &str,
-        look: &mut dyn FnMut(&RgbImage) -> Result<Look, EvalError>,
+        look: &mut dyn FnMut(&RgbImage) -> Result<StyledAppearance, EvalError>,
     ) -> Result<NamedResult, EvalError> {
         let mut results = Vec::with_capacity(self.paintings.len());
         for group in self.paintings.chunks(GROUP) {
             let looks = group.iter().map(|(_, painting)| look(painting));
-            let looks: Vec<Look> = looks.collect::<Result<_, _>>()?;
+            let looks: Vec<StyledAppearance> = looks.collect::<Result<_, _>>()?;
             let [views, frames] = self.render(self.model, &looks.iter().collect::<Vec<_>>());
             for (views, frames) in views.iter().zip(&frames) {
                 results.push(self.measure(name, results.len(), views, frames)?);

@@ -13,8 +13,8 @@ use crate::consistency::{ByRange, Consistency};
 use crate::resize::scaled;
 use image::RgbImage;
 use image::imageops::FilterType;
+use impasto_model::{STYLE_SIDE, painting_statistics};
 use impasto_style::{Features, Perceptual, Statistics, StyleError, picture};
-use impasto_train::{STYLE_SIDE, whole};
 use serde::Serialize;
 
 /// One painting's results, mean over views.
@@ -74,7 +74,9 @@ impl<'a> FidelityMetric<'a> {
         paintings: &'a [(String, RgbImage)],
         plain: &[RgbImage],
     ) -> Result<Self, StyleError> {
-        let targets = paintings.iter().map(|(_, p)| whole(vgg, p, STYLE_SIDE));
+        let targets = paintings
+            .iter()
+            .map(|(_, p)| painting_statistics(vgg, p, STYLE_SIDE));
         let plain = plain.iter().map(|view| features(vgg, view));
         Ok(Self {
             vgg,

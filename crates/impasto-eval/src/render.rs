@@ -3,9 +3,9 @@
 use crate::error::EvalError;
 use crate::resize::scaled_size;
 use image::RgbImage;
+use impasto_model::{Model, StyledAppearance};
 use impasto_scene::paths::{PathError, orbit};
 use impasto_scene::{Camera, Split};
-use impasto_train::{Look, Model};
 
 /// Paintings rendered together: geometry is computed once for them, and their frames are all in
 /// memory.
@@ -37,9 +37,9 @@ pub(crate) fn held_out(model: &Model) -> Vec<Camera> {
 }
 
 /// The look that a model predicts for a painting.
-pub(crate) fn predicted(model: &Model, painting: &RgbImage) -> Result<Look, EvalError> {
-    let inspiration = model.inspiration(painting)?;
-    model.look(&inspiration).ok_or(EvalError::Unstyled)
+pub(crate) fn predicted(model: &Model, painting: &RgbImage) -> Result<StyledAppearance, EvalError> {
+    let inspiration = model.embedding(painting)?;
+    model.appearance(&inspiration).ok_or(EvalError::Unstyled)
 }
 
 /// Views of cameras with every look, look by look, with `supersampling²` rays a pixel; geometry is
@@ -48,7 +48,7 @@ pub(crate) fn views(
     model: &Model,
     supersampling: u32,
     cameras: &[Camera],
-    looks: &[&Look],
+    looks: &[&StyledAppearance],
     tick: &mut dyn FnMut(),
 ) -> Vec<Vec<RgbImage>> {
     let mut views = vec![Vec::with_capacity(cameras.len()); looks.len()];
@@ -69,6 +69,6 @@ pub(crate) fn unstylised(
     cameras: &[Camera],
     tick: &mut dyn FnMut(),
 ) -> Vec<RgbImage> {
-    let looks = [&model.photo_look()];
+    let looks = [&model.photo_appearance()];
     views(model, supersampling, cameras, &looks, tick).remove(0)
 }

@@ -6,9 +6,9 @@ use crate::flow::{Correspondence, FrameGeometry};
 use crate::sharpness::gradient_energy;
 use crate::true_depth::{depth_error, depths};
 use image::RgbImage;
+use impasto_model::Model;
 use impasto_scene::Camera;
 use impasto_style::{Perceptual, StyleError};
-use impasto_train::Model;
 
 /// Unstylised frames along a path and their correspondences, the latter at short and at long range.
 pub(crate) struct Trajectory {
@@ -44,7 +44,7 @@ impl Trajectory {
         path: &[Camera],
         tick: &mut dyn FnMut(),
     ) -> Self {
-        let photo = model.photo_look();
+        let photo = model.photo_appearance();
         let (mut frames, mut rendered) = (Vec::new(), Vec::new());
         for camera in path {
             let view = model.render_smooth(camera, &[&photo], supersampling);

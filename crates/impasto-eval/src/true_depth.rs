@@ -1,7 +1,7 @@
 //! True depth along a path, where it is known: on the built-in scene.
 
+use impasto_model::ModelScene;
 use impasto_scene::{Camera, builtin};
-use impasto_train::ModelScene;
 
 /// Depth of every camera's view, traced in the built-in scene and in the model's scene units;
 /// `None` if the model is of another scene, or there is no camera.
@@ -49,9 +49,9 @@ mod tests {
     use super::*;
     use crate::flow::{Correspondence, FrameGeometry};
     use glam::DVec3;
+    use impasto_model::ModelPhoto;
     use impasto_scene::builtin::{BuiltinOptions, cameras};
     use impasto_scene::{Normalisation, Split};
-    use impasto_train::ModelPhoto;
 
     /// What a model of a built-in capture remembers of it.
     fn scene() -> ModelScene {

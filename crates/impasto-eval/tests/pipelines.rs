@@ -7,10 +7,11 @@ use impasto_eval::methods::{Stylizer, Transfer};
 use impasto_eval::{EvalOptions, Evaluation, Reconstruct, evaluate};
 use impasto_field::EncodingConfig;
 use impasto_kernels::device::tested;
+use impasto_model::{Budget, Model, Stages, TrainConfig};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::paths::orbit;
 use impasto_scene::{Camera, Split};
-use impasto_train::{Budget, Model, Recovery, Stages, TrainConfig, TrainOptions, train};
+use impasto_train::{Recovery, TrainOptions, train};
 
 struct Whitewash;
 

@@ -2,8 +2,8 @@
 
 use glam::{Mat3, Vec2, Vec3};
 
+use impasto_model::{Model, ModelScene, Stop, StyleLayer};
 use impasto_scene::{Camera, Distortion, Normalisation, Split};
-use impasto_train::{Coat, Model, ModelScene, Stop};
 
 use crate::ExportError;
 
@@ -114,12 +114,12 @@ impl Views {
     /// As [`Self::of`].
     pub fn of_model(
         model: &Model,
-        coats: &[Coat],
+        coats: &[StyleLayer],
         options: &ViewSelection,
         watch: &mut Watch<'_>,
     ) -> Result<Self, ExportError> {
         let mut render = |camera: &Camera| {
-            let mut rendered = model.render_coats(camera, &[coats], 1);
+            let mut rendered = model.render_layers(camera, &[coats], 1);
             RgbdView {
                 colours: rendered.pixels.pop().unwrap_or_default(),
                 depth: rendered.depth,

@@ -12,9 +12,9 @@ use glam::DVec3;
 use impasto_export::{
     ExportError, RgbdView, ViewSelection, Views, Watch, export_points, export_splats,
 };
+use impasto_model::{ModelPhoto, ModelScene, Stop};
 use impasto_scene::builtin::{self, BuiltinOptions};
 use impasto_scene::{Camera, Normalisation, Split};
-use impasto_train::{ModelPhoto, ModelScene, Stop};
 use independent::{Ply, in_capture, psnr, rasterise, save};
 
 /// A built-in capture of so many photos as a model remembers it.

@@ -12,8 +12,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use impasto_export::{ViewSelection, Views, Watch, export_splats};
+use impasto_model::{Model, Stop, StyleLayer};
 use impasto_scene::{Split, read_rgb};
-use impasto_train::{Coat, Model, Stop};
 use independent::{Ply, in_capture, psnr, rasterise, save};
 
 #[test]
@@ -26,15 +26,15 @@ fn a_models_splats_give_its_own_pictures_back() {
     let mut looks = vec![("photo", Vec::new())];
     if let Some(style) = std::env::var_os("IMPASTO_EXPORT_STYLE") {
         let painting = read_rgb(Path::new(&style)).unwrap();
-        let look = model.look(&model.inspiration(&painting).unwrap());
-        looks.push(("styled", vec![Coat::plain(look.unwrap())]));
+        let look = model.appearance(&model.embedding(&painting).unwrap());
+        looks.push(("styled", vec![StyleLayer::plain(look.unwrap())]));
     }
     for (name, coats) in looks {
         check(&model, name, &coats);
     }
 }
 
-fn check(model: &Model, name: &str, coats: &[Coat]) {
+fn check(model: &Model, name: &str, coats: &[StyleLayer]) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("splats.ply");
     let (start, stop) = (Instant::now(), Stop::default());
@@ -55,7 +55,7 @@ fn check(model: &Model, name: &str, coats: &[Coat]) {
     let mut least = f64::INFINITY;
     let picked = [train.first(), train.get(train.len() / 2), test.first()];
     for (i, camera) in picked.into_iter().flatten().enumerate() {
-        let wanted = model.render_coats(camera, &[coats], 1).pixels.remove(0);
+        let wanted = model.render_layers(camera, &[coats], 1).pixels.remove(0);
         let found = rasterise(&ply, &in_capture(camera, &scene.normalisation));
         let found_psnr = psnr(&found, &wanted);
         println!("{name}: view {i}: {found_psnr:.2} dB");

@@ -74,9 +74,10 @@ impl Branch {
         let encoding = match &self.config.encoding {
             EncodingConfig::HashGrid(grid) => hash_table(grid, FIRST_ENTRIES, rng, device),
             // Unused, but drawn: every encoding has a vector.
-            EncodingConfig::Frequency { .. } => {
-                vector(vec![rng.random_range(-FIRST_ENTRIES..FIRST_ENTRIES)], device)
-            }
+            EncodingConfig::Frequency { .. } => vector(
+                vec![rng.random_range(-FIRST_ENTRIES..FIRST_ENTRIES)],
+                device,
+            ),
         };
         BranchWeights {
             encoding,

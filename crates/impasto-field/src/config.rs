@@ -2,9 +2,7 @@
 
 use crate::network::{AppNetwork, Trunk};
 use impasto_kernels::settings::{OutOfRange, usable};
-use impasto_kernels::{
-    Activation, Density, HashGridSpec, MlpSpec, OccupancySpec, settings,
-};
+use impasto_kernels::{Activation, Density, HashGridSpec, MlpSpec, OccupancySpec, settings};
 use serde::{Deserialize, Serialize};
 
 /// How a position becomes network input.
@@ -32,7 +30,11 @@ pub fn check_hash_grid(grid: &HashGridSpec, key: &str) -> Result<(), OutOfRange>
         && grid.coarsest <= grid.finest
         && grid.finest <= 65536.0;
     let allowed = "1 to 32 levels, 1, 2, 4 or 8 features, log2_entries 4 to 24, 1 ≤ coarsest ≤ finest ≤ 65536";
-    if fits { Ok(()) } else { Err(OutOfRange::new("", key, allowed)) }
+    if fits {
+        Ok(())
+    } else {
+        Err(OutOfRange::new("", key, allowed))
+    }
 }
 
 impl EncodingConfig {
@@ -159,9 +161,19 @@ impl FieldConfig {
         }
     }
 
+    /// [`Self::occupancy`], to be changed.
+    pub fn occupancy_mut(&mut self) -> Option<&mut OccupancySpec> {
+        match &mut self.sampling {
+            SamplingConfig::Occupancy(spec) => Some(spec),
+            SamplingConfig::Hierarchical(_) => None,
+        }
+    }
+
     /// Whether an encoding wants positions as they are, not in the unit cube.
     pub(crate) fn wants_raw(&self) -> bool {
-        [&self.inner, &self.outer].iter().any(|v| v.encoding.hash_grid().is_none())
+        [&self.inner, &self.outer]
+            .iter()
+            .any(|v| v.encoding.hash_grid().is_none())
     }
 
     /// Fields: two in a cascade, of which the last is rendered.

@@ -2,7 +2,7 @@
 
 use crate::appearance::Appearance;
 use crate::branch::{Branch, BranchWeights};
-use crate::config::{FieldConfig, AppearanceConfig};
+use crate::config::{AppearanceConfig, FieldConfig};
 use crate::encoding::vector;
 use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor};
@@ -50,7 +50,9 @@ impl Field {
 
     /// Random weights.
     pub fn init(&self, rng: &mut Pcg64, device: &Device) -> FieldWeights {
-        let coarse = self.is_cascade().then(|| Box::new(self.init_level(rng, device)));
+        let coarse = self
+            .is_cascade()
+            .then(|| Box::new(self.init_level(rng, device)));
         FieldWeights {
             coarse,
             ..self.init_level(rng, device)
@@ -105,9 +107,10 @@ impl Parameters for FieldWeights {
             })
         };
         let (inner, outer) = (branch("inner", &self.inner)?, branch("outer", &self.outer)?);
-        let coarse = self.coarse.as_ref().map(|coarse| {
-            coarse.try_map(&mut |name, t| f(&format!("coarse.{name}"), t))
-        });
+        let coarse = self
+            .coarse
+            .as_ref()
+            .map(|coarse| coarse.try_map(&mut |name, t| f(&format!("coarse.{name}"), t)));
         Ok(Self {
             latent,
             inner,
@@ -148,7 +151,9 @@ impl Parameters for RadianceField {
         f: &mut dyn FnMut(&str, &Tensor<1>) -> Result<Tensor<1>, E>,
     ) -> Result<Self, E> {
         let weights = self.weights.try_map(f)?;
-        let app = self.app.try_map(&mut |name, t| f(&name.replace("app", "photo_app"), t))?;
+        let app = self
+            .app
+            .try_map(&mut |name, t| f(&name.replace("app", "photo_app"), t))?;
         Ok(Self::new(weights, app))
     }
 }

@@ -112,23 +112,34 @@ impl OccupancyGrids {
         rng: &mut Pcg64,
     ) {
         let latent = weights.latent.as_ref();
-        let mut update = |grid: &mut DensityGrid, visible: &[bool], branch: &Branch, own: &BranchWeights| {
-            let outer = branch.dimensions() == 4;
-            let (raw, cube) = places(grid, visible, shares, outer, rng.random());
-            if !cube.is_empty() {
-                let positions = Positions {
-                    raw: &raw,
-                    dimensions: branch.dimensions(),
-                    cube: &cube,
-                };
-                let (_, density) = branch.evaluate(own, latent, &positions);
-                observe(grid, &cube, &host(density));
-            }
-            // Also what training rays observed.
-            grid.settle();
-        };
-        update(&mut self.inner, &visible.inner, &field.inner, &weights.inner);
-        update(&mut self.outer, &visible.outer, &field.outer, &weights.outer);
+        let mut update =
+            |grid: &mut DensityGrid, visible: &[bool], branch: &Branch, own: &BranchWeights| {
+                let outer = branch.dimensions() == 4;
+                let (raw, cube) = places(grid, visible, shares, outer, rng.random());
+                if !cube.is_empty() {
+                    let positions = Positions {
+                        raw: &raw,
+                        dimensions: branch.dimensions(),
+                        cube: &cube,
+                    };
+                    let (_, density) = branch.evaluate(own, latent, &positions);
+                    observe(grid, &cube, &host(density));
+                }
+                // Also what training rays observed.
+                grid.settle();
+            };
+        update(
+            &mut self.inner,
+            &visible.inner,
+            &field.inner,
+            &weights.inner,
+        );
+        update(
+            &mut self.outer,
+            &visible.outer,
+            &field.outer,
+            &weights.outer,
+        );
     }
 }
 
@@ -174,4 +185,3 @@ fn places(
     let (raw, cube): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
     (raw.concat(), cube.concat())
 }
-

@@ -34,6 +34,9 @@ pub trait Parameters: Sized {
 
     /// How many numbers there are.
     fn count(&self) -> usize {
-        self.named().iter().map(|(_, tensor)| tensor.dims()[0]).sum()
+        self.named()
+            .iter()
+            .map(|(_, tensor)| tensor.dims()[0])
+            .sum()
     }
 }

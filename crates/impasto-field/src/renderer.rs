@@ -244,23 +244,27 @@ impl Job for Render<'_> {
                 unreachable!("the field itself is the last level");
             };
             let mut buffers: Vec<(&AppearanceConfig, GBuffer)> = Vec::new();
-            let colours = self.appearances.iter().zip(&shaders).map(|(appearance, shader)| {
-                let config = &appearance.config;
-                if let Some(shader) = shader {
-                    return backend.shade(&evaluated, shader, SHADE_LEAST);
-                }
-                // Appearances of one model have one configuration.
-                let known = buffers.iter().position(|(known, _)| *known == config);
-                let at = known.unwrap_or_else(|| {
-                    let spec = BufferSpec {
-                        config,
-                        least_weight: 0.0,
-                    };
-                    buffers.push((config, backend.accumulate(&evaluated, spec)));
-                    buffers.len() - 1
+            let colours = self
+                .appearances
+                .iter()
+                .zip(&shaders)
+                .map(|(appearance, shader)| {
+                    let config = &appearance.config;
+                    if let Some(shader) = shader {
+                        return backend.shade(&evaluated, shader, SHADE_LEAST);
+                    }
+                    // Appearances of one model have one configuration.
+                    let known = buffers.iter().position(|(known, _)| *known == config);
+                    let at = known.unwrap_or_else(|| {
+                        let spec = BufferSpec {
+                            config,
+                            least_weight: 0.0,
+                        };
+                        buffers.push((config, backend.accumulate(&evaluated, spec)));
+                        buffers.len() - 1
+                    });
+                    buffers[at].1.shade(appearance)
                 });
-                buffers[at].1.shade(appearance)
-            });
             let colours: Vec<Tensor<2>> = colours.collect();
             (colours, backend.depth(&evaluated))
         });
@@ -268,7 +272,10 @@ impl Job for Render<'_> {
         let mut depth = Vec::with_capacity(chunks.len());
         for (colours, own) in chunks {
             depth.push(own);
-            parts.iter_mut().zip(colours).for_each(|(all, own)| all.push(own.slice_dim(1, 0..3)));
+            parts
+                .iter_mut()
+                .zip(colours)
+                .for_each(|(all, own)| all.push(own.slice_dim(1, 0..3)));
         }
         let read = |parts: Vec<Tensor<2>>| match parts.is_empty() {
             true => Vec::new(),
@@ -312,8 +319,11 @@ impl Job for Buffer<'_> {
             let buffers = levels.iter().map(|level| backend.accumulate(level, spec));
             (buffers.collect::<Vec<_>>(), photo, depth)
         });
-        let together = options.rays_at_once.map_or(1, |most| most / backend.rays_together(most));
-        let (mut levels, mut photo, mut depth) = (Vec::<Vec<GBuffer>>::new(), Vec::new(), Vec::new());
+        let together = options
+            .rays_at_once
+            .map_or(1, |most| most / backend.rays_together(most));
+        let (mut levels, mut photo, mut depth) =
+            (Vec::<Vec<GBuffer>>::new(), Vec::new(), Vec::new());
         for (buffers, own, own_depth) in parts {
             levels.resize_with(buffers.len(), Vec::new);
             for (level, buffer) in levels.iter_mut().zip(buffers) {
@@ -326,7 +336,9 @@ impl Job for Buffer<'_> {
             let mut parts = level.into_iter().peekable();
             let mut joined = Vec::new();
             while parts.peek().is_some() {
-                joined.extend(GBuffer::join(parts.by_ref().take(together.max(1)).collect()));
+                joined.extend(GBuffer::join(
+                    parts.by_ref().take(together.max(1)).collect(),
+                ));
             }
             joined
         };

@@ -44,8 +44,10 @@ impl Field {
         let latent = weights.latent.as_ref();
         let (inner, outer) = (samples.inner.positions(3), samples.outer.positions(4));
         let volumes = [
-            self.inner.volume(&weights.inner, latent, &inner, folded(0, &app.inner)),
-            self.outer.volume(&weights.outer, latent, &outer, folded(1, &app.outer)),
+            self.inner
+                .volume(&weights.inner, latent, &inner, folded(0, &app.inner)),
+            self.outer
+                .volume(&weights.outer, latent, &outer, folded(1, &app.outer)),
         ];
         ops::radiance_loss(volumes, Arc::new(spec))
     }

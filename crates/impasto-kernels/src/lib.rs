@@ -24,5 +24,5 @@ pub use cpu::density_grid::DensityGrid;
 pub use cpu::hash_grid::HashGridSpec;
 pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
 pub use cpu::perceptual::{Border, OddEnd, PerceptualStack};
-pub use sampling::OccupancySpec;
 pub use cpu::radiance::{Density, RadianceSpec, Volume, VolumeSpec};
+pub use sampling::OccupancySpec;

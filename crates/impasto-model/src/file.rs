@@ -122,7 +122,10 @@ impl ModelFile {
     }
 
     fn entries(&self) -> Result<Vec<Entry>, StyleError> {
-        let grids = self.grids.iter().flat_map(|grids| [grids.inner(), grids.outer()]);
+        let grids = self
+            .grids
+            .iter()
+            .flat_map(|grids| [grids.inner(), grids.outer()]);
         let mut entries: Vec<Entry> = GRIDS
             .into_iter()
             .zip(grids)
@@ -213,7 +216,8 @@ impl ModelFile {
             tensors: &tensors,
             device,
         };
-        read(reader, header).map_err(|problem| failed(format!("{problem}; copy it again or train it again")))
+        read(reader, header)
+            .map_err(|problem| failed(format!("{problem}; copy it again or train it again")))
     }
 }
 
@@ -223,7 +227,10 @@ fn read(reader: TensorReader<'_>, header: Header) -> Result<ModelFile, String> {
     let field = Field::new(config.field.clone());
     let like = RadianceField::zeros(&field, config.photo_appearance(), reader.device);
     let grids = match config.field.occupancy() {
-        Some(_) => Some(OccupancyGrids::new(reader.grid(GRIDS[0])?, reader.grid(GRIDS[1])?)),
+        Some(_) => Some(OccupancyGrids::new(
+            reader.grid(GRIDS[0])?,
+            reader.grid(GRIDS[1])?,
+        )),
         None => None,
     };
     let style = if reader.has("inner.hypernetwork.0") {
@@ -234,7 +241,9 @@ fn read(reader: TensorReader<'_>, header: Header) -> Result<ModelFile, String> {
     };
     let stored = reader.tensors.tensor(ENCODER).ok();
     let encoder = stored.map(|tensor| StyleVae::from_bytes(ENCODER, tensor.data()));
-    let encoder = encoder.transpose().map_err(|e| format!("holds a damaged encoder ({e})"))?;
+    let encoder = encoder
+        .transpose()
+        .map_err(|e| format!("holds a damaged encoder ({e})"))?;
     Ok(ModelFile {
         radiance: reader.parameters(&like)?,
         grids,

@@ -34,7 +34,8 @@ impl StyleModel {
     /// Random weights.
     pub fn init(field: &Field, config: &TrainConfig, rng: &mut Pcg64, device: &Device) -> Self {
         let hyper = hypernetworks(field, config);
-        let levels = (0..config.field.levels()).map(|_| hyper.each_ref().map(|h| h.init(rng, device)));
+        let levels =
+            (0..config.field.levels()).map(|_| hyper.each_ref().map(|h| h.init(rng, device)));
         let levels = levels.collect();
         let app = config.style_appearance();
         Self {
@@ -86,7 +87,11 @@ impl Parameters for StyleModel {
         let mut levels = Vec::new();
         for (i, [inner, outer]) in self.levels.iter().enumerate() {
             // The field's level is the last, a cascade's first field comes before it.
-            let level = if i + 1 < self.levels.len() { "coarse." } else { "" };
+            let level = if i + 1 < self.levels.len() {
+                "coarse."
+            } else {
+                ""
+            };
             let mut volume = |volume: &str, weights: &HypernetworkWeights| {
                 let layers = weights.0.iter().enumerate();
                 let layers =

@@ -22,7 +22,11 @@ impl TrainConfig {
         // Frequency encodings learn nothing, but have a number each.
         let tables = [&self.field.inner, &self.field.outer].map(|v| v.encoding.hash_grid());
         let unused = tables.iter().filter(|table| table.is_none()).count();
-        let coarse = zeros.weights.coarse.as_ref().map_or(0, |coarse| coarse.count());
+        let coarse = zeros
+            .weights
+            .coarse
+            .as_ref()
+            .map_or(0, |coarse| coarse.count());
         let level = zeros.count() - coarse - unused;
         let hypernetworks = hypernetworks(&field, self);
         let hypernetworks = hypernetworks.map(|net| net.lengths().into_iter().sum::<usize>());

@@ -56,7 +56,9 @@ impl Entry {
     /// All vectors of a set of parameters.
     pub fn parameters(set: &impl Parameters) -> Vec<Self> {
         let named = set.named().into_iter();
-        named.map(|(name, tensor)| Self::tensor(name, &tensor)).collect()
+        named
+            .map(|(name, tensor)| Self::tensor(name, &tensor))
+            .collect()
     }
 }
 

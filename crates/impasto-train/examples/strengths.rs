@@ -3,9 +3,12 @@
 //!
 //! `cargo run --release --workspace --example strengths -- MODEL PAINTING...`
 
+use impasto_model::{
+    ColorPreservation, Model, STYLE_SIDE, StyleEmbedding, StyledAppearance, ViewGBuffer,
+    painting_statistics,
+};
 use impasto_scene::{Split, read_rgb};
 use impasto_style::Statistics;
-use impasto_train::{StyleEmbedding, ColorPreservation, Look, Model, ViewGBuffer, STYLE_SIDE, whole};
 use std::error::Error;
 use std::io::Write;
 use std::path::Path;
@@ -43,7 +46,7 @@ impl Gallery {
     /// Mean over the views of a number of their painted and their plain statistics.
     fn mean(
         &self,
-        (look, strength): (&Look, f32),
+        (look, strength): (&StyledAppearance, f32),
         number: impl Fn(&Statistics, &Statistics) -> f32,
     ) -> Answer<f32> {
         let coat = self
@@ -58,9 +61,9 @@ impl Gallery {
         Ok(sum / self.views.len() as f32)
     }
 
-    fn look(&self, mix: &[(StyleEmbedding, f32)]) -> Answer<Look> {
+    fn look(&self, mix: &[(StyleEmbedding, f32)]) -> Answer<StyledAppearance> {
         let mix = StyleEmbedding::mix(mix).ok_or("no weight")?;
-        Ok(self.model.look(&mix).ok_or("no style stage")?)
+        Ok(self.model.appearance(&mix).ok_or("no style stage")?)
     }
 }
 
@@ -75,7 +78,7 @@ fn main() -> Answer<()> {
     for name in paintings {
         let painting = read_rgb(Path::new(name))?;
         let wanted = whole(&gallery.vgg, &painting, STYLE_SIDE)?;
-        let inspiration = gallery.model.inspiration(&painting)?;
+        let inspiration = gallery.model.embedding(&painting)?;
         let look = gallery.look(&[(inspiration.clone(), 1.0)])?;
         write!(out, "{name}:")?;
         for strength in [0.0, 0.2, 0.4, 0.6, 0.8, 1.0] {

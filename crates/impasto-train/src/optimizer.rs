@@ -34,7 +34,8 @@ impl<P: Parameters> Adam<P> {
 
     fn set(&self, number: impl Fn(&AdamParam) -> Tensor<1>) -> P {
         let mut params = self.params.iter();
-        self.shape.map(|_, empty| params.next().map_or_else(|| empty.clone(), &number))
+        self.shape
+            .map(|_, empty| params.next().map_or_else(|| empty.clone(), &number))
     }
 
     /// The current values.
@@ -77,7 +78,8 @@ impl<P: Parameters> Adam<P> {
             let (tensors, taken) = param.state();
             steps.push(taken);
             let parts = PARTS.into_iter().zip(tensors);
-            let named = parts.map(|(part, t)| Entry::tensor(format!("adam.{prefix}{name}.{part}"), t));
+            let named =
+                parts.map(|(part, t)| Entry::tensor(format!("adam.{prefix}{name}.{part}"), t));
             entries.extend(named);
         }
         (steps, entries)

@@ -33,4 +33,3 @@ impl ReadbackSchedule {
         self.last = Instant::now();
     }
 }
-

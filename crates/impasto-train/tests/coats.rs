@@ -5,10 +5,11 @@ mod common;
 
 use common::{run, small};
 use image::{Rgb, RgbImage};
-use impasto_scene::{Camera, Split};
-use impasto_train::{
-    Budget, StyleLayer, StyleLayers, ColorPreservation, MaskSpec, Model, ColorStatistics, Shape, TrainOptions, train,
+use impasto_model::{
+    Budget, ColorPreservation, ColorStatistics, MaskSpec, Model, StyleLayer, StyleLayers,
 };
+use impasto_scene::{Camera, Split};
+use impasto_train::{Shape, TrainOptions, train};
 use std::sync::LazyLock;
 
 /// One model for all tests: enough steps that surfaces stand and looks differ.
@@ -52,8 +53,8 @@ fn coat(painting: &RgbImage, spec: &str) -> StyleLayer {
     let json = format!(r#"{{"coats": [{{"paintings": [{{"painting": "one"}}] {spec}}}]}}"#);
     let coats: StyleLayers = serde_json::from_str(&json).unwrap();
     coats.check().unwrap();
-    let inspiration = MODEL.inspiration(painting).unwrap();
-    MODEL.coat(&coats.coats[0], &[(inspiration, 1.0)]).unwrap()
+    let inspiration = MODEL.embedding(painting).unwrap();
+    MODEL.layer(&coats.coats[0], &[(inspiration, 1.0)]).unwrap()
 }
 
 fn painted(coats: &[StyleLayer]) -> Vec<f32> {
@@ -80,7 +81,9 @@ fn mean_apart(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn a_prepared_view_is_painted_as_a_whole_one_is_rendered() {
-    let look = MODEL.look(&MODEL.inspiration(&fire()).unwrap()).unwrap();
+    let look = MODEL
+        .appearance(&MODEL.embedding(&fire()).unwrap())
+        .unwrap();
     let rendered = MODEL.render(&camera(), &[&look]);
     let view = MODEL.gbuffer(&camera());
     let found = MODEL.shade(&view, &[StyleLayer::plain(look)]);
@@ -92,9 +95,7 @@ fn a_prepared_view_is_painted_as_a_whole_one_is_rendered() {
     let [upper, lower] =
         [(0, 11), (11, 19)].map(|(from, count)| MODEL.gbuffer(&camera().rows(from, count)));
     assert_eq!((upper.height, lower.height), (11, 19));
-    let parts = [upper, lower]
-        .map(|part| MODEL.shade(&part, &[]))
-        .concat();
+    let parts = [upper, lower].map(|part| MODEL.shade(&part, &[])).concat();
     assert!(apart(&parts, &photo()) < 1e-6);
 }
 
@@ -135,12 +136,15 @@ fn strength_goes_from_the_photo_to_the_paint() {
 #[test]
 fn a_mix_lies_between_its_paintings() {
     let (one, other) = (fire(), painting([20, 40, 120], [90, 160, 220]));
-    let inspirations = [&one, &other].map(|p| MODEL.inspiration(p).unwrap());
+    let inspirations = [&one, &other].map(|p| MODEL.embedding(p).unwrap());
     let json = r#"{"coats": [{"paintings": [{"painting": "a"}, {"painting": "b"}]}]}"#;
-    let spec = serde_json::from_str::<StyleLayers>(json).unwrap().coats.remove(0);
+    let spec = serde_json::from_str::<StyleLayers>(json)
+        .unwrap()
+        .coats
+        .remove(0);
     let of = |weights: [f32; 2]| {
         let all: Vec<_> = inspirations.iter().cloned().zip(weights).collect();
-        let pixels = painted(&[MODEL.coat(&spec, &all).unwrap()]);
+        let pixels = painted(&[MODEL.layer(&spec, &all).unwrap()]);
         [0, 1, 2].map(|c| pixels.iter().skip(c).step_by(3).sum::<f32>() / (40.0 * 30.0))
     };
     let (first, both, second) = (of([1.0, 0.0]), of([0.5, 0.5]), of([0.0, 1.0]));
@@ -266,7 +270,9 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
         },
         inverted: false,
     };
-    let look = MODEL.look(&MODEL.inspiration(&fire()).unwrap()).unwrap();
+    let look = MODEL
+        .appearance(&MODEL.embedding(&fire()).unwrap())
+        .unwrap();
     let error = MODEL
         .layer_of(look, 1.0, ColorPreservation::None, Some(&nowhere))
         .unwrap_err();

@@ -6,9 +6,10 @@ mod common;
 use burn::tensor::Device;
 use common::*;
 use impasto_kernels::device::{is_cpu, tested};
+use impasto_model::{Budget, Clock, Model};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{LoadOptions, Split, load};
-use impasto_train::{Budget, Clock, GeometryStage, Model, train};
+use impasto_train::{GeometryStage, train};
 
 /// Largest difference of a channel between devices, and the share of pixels that keep to it.
 const DIFFERENCE: f32 = 2.0 / 255.0;
@@ -69,8 +70,10 @@ fn a_model_looks_alike_on_every_device() {
             .unwrap()
             .to_rgb8();
         let views = [Device::flex(), tested()].map(|device| {
-            let model = Model::load_on(&options.output, device).unwrap();
-            let look = model.look(&model.inspiration(&painting).unwrap()).unwrap();
+            let model = Model::load_on(&options.output, &device).unwrap();
+            let look = model
+                .appearance(&model.embedding(&painting).unwrap())
+                .unwrap();
             let photos = &model.file.scene.photos;
             let photo = photos.iter().find(|p| p.split == Split::Test).unwrap();
             model.render(&photo.camera, &[&model.photo_appearance(), &look])

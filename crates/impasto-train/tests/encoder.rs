@@ -5,12 +5,10 @@
 mod common;
 
 use impasto_kernels::device::tested;
+use impasto_model::{Model, ModelFile, Stages, painting_statistics};
 use impasto_paintings::{Recipe, paint};
 use impasto_style::{Network, Perceptual, StyleInput, StyleVae};
-use impasto_train::{
-    EncoderOptions, Event, Model, ModelFile, Stages, check_encoder, read_encoder, train,
-    train_encoder, whole,
-};
+use impasto_train::{EncoderOptions, Event, check_encoder, read_encoder, train, train_encoder};
 use std::path::Path;
 
 #[test]
@@ -79,7 +77,7 @@ fn a_model_carries_the_encoder_that_it_was_trained_with() {
 
     let painting = paint(&Recipe::random(3), 64, 64);
     let statistics = whole(&Perceptual::vgg16().unwrap(), &painting, 160).unwrap();
-    let code = model.inspiration(&painting).unwrap().code;
+    let code = model.embedding(&painting).unwrap().code;
     assert_eq!(code, own.encode(&statistics));
     assert_ne!(code, StyleVae::shipped().unwrap().encode(&statistics));
 

@@ -4,12 +4,12 @@
 use std::time::Duration;
 
 use image::RgbImage;
+use impasto_model::{Budget, TrainConfig};
 use impasto_scene::builtin::{BuiltinOptions, cameras};
 use impasto_scene::{Format, Normalisation, Photo, Scene, Split};
 use impasto_train::estimate::{
     GIB, PAPER_STEPS, Rates, bytes_needed, estimate, measure_rates, shrink_to_fit,
 };
-use impasto_train::{Budget, TrainConfig};
 
 /// A capture of grey photos.
 fn scene(photos: usize, width: u32, height: u32) -> Scene {

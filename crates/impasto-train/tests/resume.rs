@@ -5,10 +5,8 @@ mod common;
 
 use common::{run, small};
 use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
-use impasto_train::{
-    Budget, CHECKPOINT_FILE, Event, MODEL_FILE, Recovery, Stages, Stop, TrainConfig, TrainError,
-    TrainOptions, TrainSummary, Unfinished, train,
-};
+use impasto_model::{Budget, CHECKPOINT_FILE, MODEL_FILE, Stages, Stop, TrainConfig};
+use impasto_train::{Event, Recovery, TrainError, TrainOptions, TrainSummary, Unfinished, train};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;

@@ -6,14 +6,17 @@ mod common;
 
 use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
 use impasto_kernels::device::tested;
+use impasto_model::config::StyleConfig;
+use impasto_model::{
+    Budget, Clock, Model, ModelFile, ModelPhoto, ModelScene, Quality, Stages, StyledAppearance,
+    TrainConfig,
+};
 use impasto_paintings::{Family, Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{Camera, LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
-use impasto_train::config::StyleConfig;
 use impasto_train::{
-    Budget, Clock, Event, Frozen, GeometryStage, Look, Model, ModelFile, ModelPhoto, ModelScene,
-    Quality, Recovery, Refinement, Stages, StyleReport, StyleSet, StyleStage, TrainConfig,
+    Event, Frozen, GeometryStage, Recovery, Refinement, StyleReport, StyleSet, StyleStage,
     TrainOptions, TrainSummary, photo_rays, train,
 };
 
@@ -339,7 +342,7 @@ fn write_and_read(config: TrainConfig) {
     let camera = &scene.photos[0].camera;
     let painting = paint(&Recipe::nth_of(Family::ALL[2], 3), 64, 64);
     let [one, two] = [&one, &two].map(|m| {
-        let look = m.look(&m.inspiration(&painting).unwrap()).unwrap();
+        let look = m.appearance(&m.embedding(&painting).unwrap()).unwrap();
         m.render(camera, &[&m.photo_appearance(), &look]).pixels
     });
     assert_eq!(one, two);
@@ -371,7 +374,11 @@ fn the_same_seed_gives_the_same_field() {
 }
 
 /// Style distance of a view to a painting, by statistics of the whole.
-fn apart(model: &Model, look: &Look, (camera, painting): (&Camera, &image::RgbImage)) -> f64 {
+fn apart(
+    model: &Model,
+    look: &StyledAppearance,
+    (camera, painting): (&Camera, &image::RgbImage),
+) -> f64 {
     let vgg = Perceptual::vgg16().unwrap();
     let view = model.render(camera, &[look]).image(0);
     let statistics = |image: &image::RgbImage| {
@@ -398,13 +405,16 @@ fn a_refined_look_is_nearer_to_its_painting() {
         let model = Model::load(&output).unwrap();
         let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
         let seen = (&scene.photos[0].camera, &painting);
-        let predicted = model.look(&model.inspiration(&painting).unwrap()).unwrap();
+        let predicted = model
+            .appearance(&model.embedding(&painting).unwrap())
+            .unwrap();
         let refined = || {
             let mut shares = Vec::new();
             let mut refinement = Refinement::new(&model).unwrap().unwrap();
-            let look = refinement.look(&[(&painting, 2.0)], Budget::Steps(90), &mut |share| {
-                shares.push(share);
-            });
+            let look =
+                refinement.appearance(&[(&painting, 2.0)], Budget::Steps(90), &mut |share| {
+                    shares.push(share);
+                });
             assert_eq!((shares.len(), shares.last()), (90, Some(&1.0)));
             look.unwrap().unwrap()
         };
@@ -415,7 +425,7 @@ fn a_refined_look_is_nearer_to_its_painting() {
         assert_eq!(pixels(&look), pixels(&refined()), "the same every time");
 
         let mut refinement = Refinement::new(&model).unwrap().unwrap();
-        let weightless = refinement.look(&[(&painting, 0.0)], Budget::Steps(1), &mut |_| ());
+        let weightless = refinement.appearance(&[(&painting, 0.0)], Budget::Steps(1), &mut |_| ());
         assert!(weightless.unwrap().is_none());
         let mut plain = ModelFile::load(&output, &tested()).unwrap();
         plain.style = None;

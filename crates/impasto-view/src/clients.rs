@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use impasto_train::{Coats, Stop};
+use impasto_model::{Stop, StyleLayers};
 use tokio::sync::mpsc::{self, Receiver, Sender};
 
 use crate::frame;
@@ -34,7 +34,7 @@ pub(crate) enum Outgoing {
 #[derive(Debug, Default)]
 pub(crate) struct Requests {
     pub(crate) view: Option<(ViewMessage, Instant)>,
-    pub(crate) coats: Option<(u32, Box<Coats>, Instant)>,
+    pub(crate) coats: Option<(u32, Box<StyleLayers>, Instant)>,
     pub(crate) picks: VecDeque<PickMessage>,
 }
 
@@ -144,7 +144,7 @@ impl Clients {
         let now = Instant::now();
         match message {
             Message::View(view) => seat.requests.view = Some((view, now)),
-            Message::Coats(id, coats) => seat.requests.coats = Some((id, coats, now)),
+            Message::StyleLayers(id, coats) => seat.requests.coats = Some((id, coats, now)),
             Message::Pick(pick) => {
                 if seat.requests.picks.len() >= PICKS {
                     seat.requests.picks.pop_front();

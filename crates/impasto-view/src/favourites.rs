@@ -8,8 +8,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use impasto_model::StyleLayers;
 use impasto_scene::file::{plainly, read_whole, write_atomic};
-use impasto_train::Coats;
 use serde_json::{Value, json};
 
 use crate::gallery::PaintingLibrary;
@@ -72,7 +72,7 @@ impl Favourites {
         });
         let read = |name: &String| {
             let bytes = read_whole(&self.folder.join(format!("{name}.json")), LARGEST).ok()?;
-            let mut coats: Coats = serde_json::from_slice(&bytes).ok()?;
+            let mut coats: StyleLayers = serde_json::from_slice(&bytes).ok()?;
             coats.check().ok()?;
             rename(&mut coats, id_of_relative);
             Some(json!({"name": name, "coats": coats.coats}))
@@ -84,7 +84,7 @@ impl Favourites {
     pub(crate) fn save(
         &self,
         name: &str,
-        mut coats: Coats,
+        mut coats: StyleLayers,
         library: &PaintingLibrary,
     ) -> Result<(), Unsaved> {
         let path = self.file(name)?;
@@ -142,7 +142,7 @@ impl Favourites {
 }
 
 /// Gives paintings other names, where `to` has one.
-fn rename(coats: &mut Coats, mut to: impl FnMut(&str) -> Option<String>) {
+fn rename(coats: &mut StyleLayers, mut to: impl FnMut(&str) -> Option<String>) {
     for coat in &mut coats.coats {
         for painting in &mut coat.paintings {
             if let Some(name) = to(&painting.painting) {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use impasto_train::{MODEL_FILE, Stop};
+use impasto_model::{MODEL_FILE, Stop};
 
 use crate::message::{problem, typed};
 use crate::painter::Painter;

@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use image::imageops::FilterType;
 use image::{RgbImage, imageops};
+use impasto_scene::PictureFolder;
 use impasto_scene::file::{plainly, read_whole};
 use impasto_scene::{decode_rgb, is_picture, read_rgb};
-use impasto_train::StyleFolder;
 use serde::Serialize;
 
 use crate::frame::jpeg;
@@ -91,7 +91,7 @@ pub(crate) enum Untaken {
 
 /// All paintings.
 pub(crate) struct PaintingLibrary {
-    folder: StyleFolder,
+    folder: PictureFolder,
     scratch: PathBuf,
     limits: Limits,
     saved: SavedPaintings,
@@ -103,7 +103,7 @@ impl PaintingLibrary {
     pub(crate) fn new(options: &ViewOptions) -> std::io::Result<Self> {
         let styles = options.styles.as_deref();
         let mut folder = styles
-            .map(StyleFolder::walk)
+            .map(PictureFolder::walk)
             .transpose()?
             .unwrap_or_default();
         folder.files.retain(|file| is_picture(&file.path));

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
+use impasto_model::Stop;
 use impasto_scene::file::plainly;
-use impasto_train::Stop;
 use serde_json::{Value, json};
 
 use crate::clients::Clients;

@@ -1,7 +1,7 @@
 //! What page and server say to each other over the socket.
 
+use impasto_model::{StyleLayerSpec, StyleLayers};
 use impasto_scene::Camera;
-use impasto_train::{CoatSpec, Coats};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -23,9 +23,9 @@ enum Raw {
         #[serde(default)]
         moving: bool,
     },
-    Coats {
+    StyleLayers {
         id: u32,
-        coats: Vec<CoatSpec>,
+        coats: Vec<StyleLayerSpec>,
     },
     Ack {
         frame: u32,
@@ -44,7 +44,7 @@ enum Raw {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Message {
     View(ViewMessage),
-    Coats(u32, Box<Coats>),
+    StyleLayers(u32, Box<StyleLayers>),
     Ack(u32),
     Pick(PickMessage),
     Watch(bool),
@@ -88,7 +88,7 @@ impl Message {
                 camera: Camera::viewpoint(&camera_to_world, fov, check_size(size)?)?,
                 moving,
             }),
-            Raw::Coats { id, coats } => Self::Coats(id, Box::new(checked(coats)?)),
+            Raw::StyleLayers { id, coats } => Self::StyleLayers(id, Box::new(checked(coats)?)),
             Raw::Ack { frame } => Self::Ack(frame),
             Raw::Pick { id, x, y } => {
                 let inside = 0.0..=1.0;
@@ -102,9 +102,9 @@ impl Message {
     }
 }
 
-/// Coats that make sense and are not too many.
-pub(crate) fn checked(coats: Vec<CoatSpec>) -> Result<Coats, String> {
-    let coats = Coats { coats };
+/// StyleLayers that make sense and are not too many.
+pub(crate) fn checked(coats: Vec<StyleLayerSpec>) -> Result<StyleLayers, String> {
+    let coats = StyleLayers { coats };
     coats.check().map_err(|e| e.to_string())?;
     Ok(coats)
 }

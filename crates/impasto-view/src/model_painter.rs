@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
+use impasto_model::{
+    Model, StyleEmbedding, StyleLayer, StyleLayers, StyledAppearance, ViewGBuffer,
+};
 use impasto_scene::Camera;
-use impasto_train::{Coat, Coats, Inspiration, Look, Model, PreparedView};
 
 use crate::painter::{Painter, Pictures, SceneFacts, ViewGeometry};
 use crate::recent::Recent;
@@ -16,8 +18,8 @@ const LOOKS: usize = 24;
 /// as there is room to remember it.
 pub struct ModelPainter {
     model: Arc<Model>,
-    inspirations: Recent<String, Inspiration>,
-    looks: Recent<Vec<(String, u32)>, Look>,
+    inspirations: Recent<String, StyleEmbedding>,
+    looks: Recent<Vec<(String, u32)>, StyledAppearance>,
 }
 
 impl ModelPainter {
@@ -34,18 +36,22 @@ impl ModelPainter {
         &mut self,
         painting: &str,
         pictures: Pictures<'_>,
-    ) -> Result<Inspiration, String> {
+    ) -> Result<StyleEmbedding, String> {
         if let Some(known) = self.inspirations.get(painting) {
             return Ok(known);
         }
-        let made = self.model.inspiration(&pictures(painting)?);
+        let made = self.model.embedding(&pictures(painting)?);
         let made = made.map_err(|e| e.to_string())?;
         self.inspirations.keep(painting.to_owned(), made.clone());
         Ok(made)
     }
 
     /// The look of paintings mixed by weight.
-    fn look(&mut self, mix: Vec<(String, u32)>, pictures: Pictures<'_>) -> Result<Look, String> {
+    fn look(
+        &mut self,
+        mix: Vec<(String, u32)>,
+        pictures: Pictures<'_>,
+    ) -> Result<StyledAppearance, String> {
         if let Some(known) = self.looks.get(&mix) {
             return Ok(known);
         }
@@ -54,20 +60,20 @@ impl ModelPainter {
             Ok((inspiration, f32::from_bits(*weight)))
         });
         let all = all.collect::<Result<Vec<_>, String>>()?;
-        let mixed = Inspiration::mix(&all).ok_or("all paintings of a coat have weight 0")?;
-        let look = self.model.look(&mixed).ok_or_else(unstyled)?;
+        let mixed = StyleEmbedding::mix(&all).ok_or("all paintings of a coat have weight 0")?;
+        let look = self.model.appearance(&mixed).ok_or_else(unstyled)?;
         self.looks.keep(mix, look.clone());
         Ok(look)
     }
 }
 
 fn unstyled() -> String {
-    impasto_train::CoatError::Unstyled.to_string()
+    impasto_model::LayerError::Unstyled.to_string()
 }
 
 impl Painter for ModelPainter {
-    type Geometry = PreparedView;
-    type Paint = Vec<Coat>;
+    type Geometry = ViewGBuffer;
+    type Paint = Vec<StyleLayer>;
 
     fn facts(&self) -> SceneFacts {
         let scene = &self.model.file.scene;
@@ -80,16 +86,19 @@ impl Painter for ModelPainter {
         }
     }
 
-    fn view(&self, camera: &Camera) -> PreparedView {
-        self.model.prepare_view(camera)
+    fn view(&self, camera: &Camera) -> ViewGBuffer {
+        self.model.gbuffer(camera)
     }
 
-    fn paint(&self, view: &PreparedView, paint: Option<&Vec<Coat>>) -> Vec<f32> {
-        self.model
-            .paint_view(view, paint.map_or(&[], Vec::as_slice))
+    fn paint(&self, view: &ViewGBuffer, paint: Option<&Vec<StyleLayer>>) -> Vec<f32> {
+        self.model.shade(view, paint.map_or(&[], Vec::as_slice))
     }
 
-    fn mix(&mut self, coats: &Coats, pictures: Pictures<'_>) -> Result<Vec<Coat>, String> {
+    fn mix(
+        &mut self,
+        coats: &StyleLayers,
+        pictures: Pictures<'_>,
+    ) -> Result<Vec<StyleLayer>, String> {
         if !self.model.has_style() && !coats.coats.is_empty() {
             return Err(unstyled());
         }
@@ -98,16 +107,16 @@ impl Painter for ModelPainter {
             let mix = weighed.map(|p| (p.painting.clone(), p.weight.to_bits()));
             let look = self.look(mix.collect(), pictures)?;
             self.model
-                .coat_of(look, spec.strength, spec.keep, spec.mask.as_ref())
+                .layer_of(look, spec.strength, spec.keep, spec.mask.as_ref())
                 .map_err(|e| e.to_string())
         });
         coats.collect()
     }
 }
 
-impl ViewGeometry for PreparedView {
+impl ViewGeometry for ViewGBuffer {
     fn depth(&self) -> &[f32] {
-        Self::depth(self)
+        &self.depth
     }
 
     fn bytes(&self) -> usize {

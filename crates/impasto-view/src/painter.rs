@@ -1,15 +1,15 @@
 //! What shows a scene, behind which the model stands.
 
 use image::RgbImage;
+use impasto_model::{ModelPhoto, StyleLayers};
 use impasto_scene::{Camera, Normalisation, Split, Vantage};
-use impasto_train::{Coats, ModelPhoto};
 use serde_json::{Value, json};
 
 /// Shows a scene from anywhere, and paints it. It works for one thread, which owns it.
 pub trait Painter: Send + 'static {
     /// The geometry of a view: costly to make, cheap to paint.
     type Geometry: ViewGeometry;
-    /// Coats of paint, ready.
+    /// StyleLayers of paint, ready.
     type Paint;
 
     /// What there is to see.
@@ -25,7 +25,7 @@ pub trait Painter: Send + 'static {
     ///
     /// # Errors
     /// Why they cannot be had, as a sentence.
-    fn mix(&mut self, coats: &Coats, pictures: Pictures<'_>) -> Result<Self::Paint, String>;
+    fn mix(&mut self, coats: &StyleLayers, pictures: Pictures<'_>) -> Result<Self::Paint, String>;
 }
 
 /// Gives the painting of an id, or says why it is not to be had.

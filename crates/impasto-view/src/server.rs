@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-use impasto_train::Stop;
+use impasto_model::Stop;
 use tokio::sync::watch;
 
 use crate::clients::Clients;

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use image::RgbImage;
+use impasto_model::{Stop, StyleLayers};
 use impasto_scene::Camera;
 use impasto_scene::paths::CameraPath;
-use impasto_train::{Coats, Stop};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -43,11 +43,11 @@ pub type Progress<'a> = &'a mut dyn FnMut(f64);
 /// The file that was made, or why not.
 pub type Made = Result<PathBuf, String>;
 
-/// Coats with the paintings that they name.
+/// StyleLayers with the paintings that they name.
 #[derive(Debug, Clone)]
 pub struct PaintOrder {
     /// The coats.
-    pub coats: Coats,
+    pub coats: StyleLayers,
     /// Every painting of theirs, by its id.
     pub paintings: Vec<(String, RgbImage)>,
 }
@@ -88,7 +88,7 @@ pub struct ExportOrder {
 pub(crate) struct FilmRequest {
     pub(crate) path: CameraPath,
     #[serde(default)]
-    pub(crate) coats: Vec<impasto_train::CoatSpec>,
+    pub(crate) coats: Vec<impasto_model::StyleLayerSpec>,
     pub(crate) size: (u32, u32),
     pub(crate) format: String,
     #[serde(default)]
@@ -100,6 +100,6 @@ pub(crate) struct FilmRequest {
 #[serde(deny_unknown_fields)]
 pub(crate) struct ExportRequest {
     #[serde(default)]
-    pub(crate) coats: Vec<impasto_train::CoatSpec>,
+    pub(crate) coats: Vec<impasto_model::StyleLayerSpec>,
     pub(crate) kind: String,
 }

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Setup, Studio, png};
-use impasto_train::Stop;
+use impasto_model::Stop;
 use impasto_view::{ExportOrder, FilmOrder, Formats, Made, Progress, Workshop};
 use serde_json::{Value, json};
 use std::fs::File;

@@ -8,7 +8,7 @@ use std::io::Write;
 use std::time::Duration;
 
 use common::{Setup, Studio, identity, png};
-use impasto_train::Stop;
+use impasto_model::Stop;
 use impasto_view::{ExportOrder, FilmOrder, Formats, Limits, Made, Progress, Workshop};
 use serde_json::{Value, json};
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use impasto::scene::Format;
-use impasto::{Keep, MaskSpec};
+use impasto::{ColorPreservation, MaskSpec};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
@@ -103,7 +103,7 @@ pub struct RenderTable {
     pub strength: f32,
     /// Whose colours the paint has.
     #[serde(default)]
-    pub keep_color: Keep,
+    pub keep_color: ColorPreservation,
     /// Where the paint goes.
     #[serde(default, deserialize_with = "mask")]
     pub mask: Option<MaskSpec>,

@@ -103,7 +103,7 @@ fn render_models(plan: &BatchPlan, shard: Shard, device: &Device, report: &mut B
         let table = plan.trains.iter().find(|table| table.model == work.path);
         let rendered = table.map_or(Ok(true), train::is_done).and_then(|trained| {
             if trained {
-                return render::run(work, shard, device.clone(), report);
+                return render::run(work, shard, device, report);
             }
             Err(CliError::Refused(format!(
                 "the model {} is not trained yet",

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use impasto::scene::is_picture;
-use impasto_train::StyleFolder;
+use impasto_scene::PictureFolder;
 
 use super::file::{JobsFile, RenderTable, TrainTable};
 use crate::cli::CliError;
@@ -221,7 +221,7 @@ fn styles(table: &RenderTable) -> Result<Vec<StyleSource>, String> {
             continue;
         }
         let before = found.len();
-        let folder = StyleFolder::walk(path)
+        let folder = PictureFolder::walk(path)
             .map_err(|error| format!("styles {}: {error}", path.display()))?;
         for file in folder.files {
             let stem = Path::new(&file.name).with_extension("");

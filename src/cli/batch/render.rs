@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::slice;
 
-use impasto::{Coat, Device, Look};
+use impasto::{Device, StyleLayer, StyledAppearance};
 use serde_json::Value;
 
 use super::plan::{ModelWork, StyleSource, ViewGroup};
@@ -22,7 +22,7 @@ use crate::output::{FrameLayout, RenderedFrame, SharedFolder, SharedFrames, View
 pub fn run(
     work: &ModelWork,
     shard: Shard,
-    device: Device,
+    device: &Device,
     report: &mut BatchReport,
 ) -> Result<(), CliError> {
     let mut renderer = ModelRenderer {
@@ -49,7 +49,7 @@ struct KnownStyle<'a> {
     source: &'a StyleSource,
     distinguished: Option<Value>,
     /// Nothing before it is made; then the look, or none for the photos' own.
-    look: Option<Option<Look>>,
+    look: Option<Option<StyledAppearance>>,
 }
 
 impl<'a> KnownStyle<'a> {
@@ -202,12 +202,12 @@ impl ModelRenderer<'_> {
             let look = self.styles[group.items[i].style].look.clone().flatten();
             look.map(|look| settings.coat(model, look)).transpose()
         });
-        let coats = coats.collect::<Result<Vec<Option<Coat>>, _>>()?;
-        let original: Option<&[Coat]> = group.table.side_by_side.then_some(&[]);
+        let coats = coats.collect::<Result<Vec<Option<StyleLayer>>, _>>()?;
+        let original: Option<&[StyleLayer]> = group.table.side_by_side.then_some(&[]);
         let painted = coats.iter().map(Option::as_slice);
-        let lists: Vec<&[Coat]> = original.into_iter().chain(painted).collect();
+        let lists: Vec<&[StyleLayer]> = original.into_iter().chain(painted).collect();
         let first = lists.len() - coats.len();
-        let rendered = model.render_coats(&view.camera, &lists, group.table.supersampling);
+        let rendered = model.render_layers(&view.camera, &lists, group.table.supersampling);
         for (look, &i) in missing.iter().enumerate() {
             let Some(opened) = open[i].as_mut() else {
                 continue;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use impasto::{Device, Recovery, Stages, TrainOptions, TrainSummary, Unfinished};
-use impasto_train::MODEL_FILE;
+use impasto_model::MODEL_FILE;
 
 use super::file::{BatchStages, TrainTable};
 use crate::cli::train::{BudgetArgs, usual_options, watched};

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use impasto::scene::Split;
 use impasto::scene::paths::orbit;
-use impasto::{Inspiration, Model};
+use impasto::{Model, StyleEmbedding};
 
 use super::styles::HeldOutStyle;
 use crate::cli::CliError;
@@ -36,8 +36,8 @@ pub fn film(model: &Model, styles: &[HeldOutStyle], path: &Path) -> Result<PathB
         let (from, to, share) = passage(frame as f32 / FRAMES as f32, styles.len());
         let both = [(from, 1.0 - share), (to, share)];
         let both = both.map(|(i, weight)| (styles[i].inspiration.clone(), weight));
-        let look = Inspiration::mix(&both)
-            .and_then(|inspiration| model.look(&inspiration))
+        let look = StyleEmbedding::mix(&both)
+            .and_then(|inspiration| model.appearance(&inspiration))
             .ok_or(CliError::Unstyled)?;
         film.add(model.render(camera, &[&look]).image(0))?;
         progress.tick();

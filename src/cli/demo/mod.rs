@@ -59,7 +59,7 @@ pub fn run(args: &DemoArgs) -> Result<CommandOutput, CliError> {
     let device = args.device.open()?;
     let summary = trained(args, device.clone())?;
 
-    let model = Model::load_on(&summary.model, device)?;
+    let model = Model::load_on(&summary.model, &device)?;
     let styles = styles::styles(&model, &out.join("styles"))?;
     let photos = load(&out.join("scene"), &LoadOptions::default())?;
     let sheet = out.join("contact_sheet.png");

@@ -3,7 +3,7 @@
 use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage, imageops};
 use impasto::scene::{Scene, Split, metrics};
-use impasto::{Look, Model};
+use impasto::{Model, StyledAppearance};
 use impasto_style::picture;
 
 use super::styles::HeldOutStyle;
@@ -18,8 +18,8 @@ const INK: Rgb<u8> = Rgb([235, 232, 225]);
 
 /// Photo, reconstruction and every style, for each held-out view; the paintings on top.
 pub fn compose(model: &Model, photos: &Scene, styles: &[HeldOutStyle]) -> RgbImage {
-    let photo_look = model.photo_look();
-    let looks: Vec<&Look> = std::iter::once(&photo_look)
+    let photo_appearance = model.photo_appearance();
+    let looks: Vec<&StyledAppearance> = std::iter::once(&photo_appearance)
         .chain(styles.iter().map(|style| &style.look))
         .collect();
     let photographed = model.file.scene.photos.iter();

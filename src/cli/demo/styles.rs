@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 use impasto::paintings::{Family, PALETTES, Recipe, label, paint};
-use impasto::{Inspiration, Look, Model};
+use impasto::{Model, StyleEmbedding, StyledAppearance};
 
 use crate::cli::CliError;
 use crate::output::write_png;
@@ -34,9 +34,9 @@ pub struct HeldOutStyle {
     /// Its pixels.
     pub picture: RgbImage,
     /// What a model makes of it.
-    pub inspiration: Inspiration,
+    pub inspiration: StyleEmbedding,
     /// The look that the model gives it.
-    pub look: Look,
+    pub look: StyledAppearance,
 }
 
 /// Paints the held-out styles, saves them and computes their looks.
@@ -52,12 +52,12 @@ pub fn styles(model: &Model, folder: &Path) -> Result<Vec<HeldOutStyle>, CliErro
             let painting = paint(&recipe, STYLE_SIDE, STYLE_SIDE);
             let file = folder.join(format!("{}.png", family.name().replace(' ', "-")));
             write_png(&file, &painting)?;
-            let inspiration = model.inspiration(&painting)?;
+            let inspiration = model.embedding(&painting)?;
             Ok(HeldOutStyle {
                 family: family.name(),
                 label: label(&recipe),
                 file,
-                look: model.look(&inspiration).ok_or(CliError::Unstyled)?,
+                look: model.appearance(&inspiration).ok_or(CliError::Unstyled)?,
                 picture: painting,
                 inspiration,
             })

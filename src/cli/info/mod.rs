@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use impasto::Model;
-use impasto_train::MODEL_FILE;
+use impasto_model::MODEL_FILE;
 use serde_json::Value;
 
 use self::capture::{CaptureArgs, CaptureInfo};

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use image::{Rgb, RgbImage, imageops};
-use impasto::{Coat, Inspiration, Look, Model};
+use impasto::{Model, StyleEmbedding, StyleLayer, StyledAppearance};
 use serde_json::json;
 
 use super::args::RenderArgs;
@@ -24,10 +24,8 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<CommandOut
     let styles = read(args)?;
     let names = styles.names();
     check_folder(&parent(&args.output))?;
-    let model = Model::load_on(&args.model, args.device.open()?)?;
-    let corners = styles
-        .paintings()
-        .map(|painting| model.inspiration(painting));
+    let model = Model::load_on(&args.model, &args.device.open()?)?;
+    let corners = styles.paintings().map(|painting| model.embedding(painting));
     let corners = corners.collect::<Result<Vec<_>, _>>()?;
     let rows = if corners.len() == 2 { 1 } else { count };
     let looks = looks(&model, &corners, rows, count)?;
@@ -39,8 +37,8 @@ pub fn run(args: &RenderArgs, count: usize, start: Instant) -> Result<CommandOut
         .into_iter()
         .map(|look| Ok([args.settings.coat(&model, look)?]));
     let coats = coats.collect::<Result<Vec<_>, CliError>>()?;
-    let lists: Vec<&[Coat]> = coats.iter().map(<[Coat; 1]>::as_slice).collect();
-    let rendered = model.render_coats(&view.camera, &lists, args.settings.supersampling);
+    let lists: Vec<&[StyleLayer]> = coats.iter().map(<[StyleLayer; 1]>::as_slice).collect();
+    let rendered = model.render_layers(&view.camera, &lists, args.settings.supersampling);
     let pictures: Vec<RgbImage> = (0..rows * count).map(|i| rendered.image(i)).collect();
     let sheet = labelled(&pictures, count, &names);
     write_png(&args.output, &sheet)?;
@@ -96,10 +94,10 @@ fn read(args: &RenderArgs) -> Result<Styles, CliError> {
 /// Row by row. Corners are in reading order.
 fn looks(
     model: &Model,
-    corners: &[Inspiration],
+    corners: &[StyleEmbedding],
     rows: usize,
     columns: usize,
-) -> Result<Vec<Look>, CliError> {
+) -> Result<Vec<StyledAppearance>, CliError> {
     let share = |i: usize, of: usize| i as f32 / (of - 1).max(1) as f32;
     let mut looks = Vec::with_capacity(rows * columns);
     for (row, column) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
@@ -111,7 +109,7 @@ fn looks(
             across * down,
         ];
         let weighed: Vec<_> = corners.iter().cloned().zip(weights).collect();
-        let look = Inspiration::mix(&weighed).and_then(|between| model.look(&between));
+        let look = StyleEmbedding::mix(&weighed).and_then(|between| model.appearance(&between));
         looks.push(look.ok_or(CliError::Unstyled)?);
     }
     Ok(looks)

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use impasto::scene::Camera;
-use impasto::{Coat, Model, Stop};
+use impasto::{Model, Stop, StyleLayer};
 
 use super::frames::FrameRenderer;
 use crate::cli::CliError;
@@ -16,7 +16,7 @@ pub struct FilmJob<'a> {
     /// Frames a second, where the format keeps a time.
     pub fps: f64,
     /// What the scene is painted with; as photographed without any.
-    pub coats: &'a [Coat],
+    pub coats: &'a [StyleLayer],
     /// Whether the scene as photographed stands on the left.
     pub side_by_side: bool,
     /// Where to write it: a `.gif`, `.mp4`, `.webm`, a `.zip` of PNGs, or a folder for them.
@@ -124,7 +124,7 @@ mod tests {
             recovery: Recovery::default(),
         };
         let summary = train(&options, &mut |_| ()).unwrap();
-        let model = Model::load_on(&summary.model, device()).unwrap();
+        let model = Model::load_on(&summary.model, &device()).unwrap();
         (folder, model)
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use impasto::{Coat, Model, Stop};
+use impasto::{Model, Stop, StyleLayer};
 
 use crate::cli::CliError;
 use crate::output::{FrameLayout, RenderedFrame, Sink, Viewpoint};
@@ -11,7 +11,7 @@ use crate::output::{FrameLayout, RenderedFrame, Sink, Viewpoint};
 pub struct FrameRenderer<'a> {
     model: &'a Model,
     /// What each picture of a frame is painted with, from the left.
-    coats: Vec<&'a [Coat]>,
+    coats: Vec<&'a [StyleLayer]>,
     layout: &'a FrameLayout,
     supersampling: u32,
 }
@@ -21,11 +21,11 @@ impl<'a> FrameRenderer<'a> {
     /// the scene as photographed.
     pub fn new(
         model: &'a Model,
-        variants: impl IntoIterator<Item = &'a [Coat]>,
+        variants: impl IntoIterator<Item = &'a [StyleLayer]>,
         layout: &'a FrameLayout,
         supersampling: u32,
     ) -> Self {
-        let original: Option<&[Coat]> = match layout {
+        let original: Option<&[StyleLayer]> = match layout {
             FrameLayout::Each(_) => None,
             FrameLayout::SideBySide(_) => Some(&[]),
         };
@@ -45,7 +45,7 @@ impl<'a> FrameRenderer<'a> {
     ) -> Result<(), CliError> {
         let rendered = self
             .model
-            .render_coats(&view.camera, &self.coats, self.supersampling);
+            .render_layers(&view.camera, &self.coats, self.supersampling);
         let pictures = (0..self.coats.len()).map(|i| rendered.image(i)).collect();
         take(RenderedFrame {
             view,

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use image::RgbImage;
 use impasto::weights::sha256;
-use impasto::{CoatSpec, Device, Model};
-use impasto_train::MODEL_FILE;
+use impasto::{Device, Model, StyleLayerSpec};
+use impasto_model::MODEL_FILE;
 use serde_json::{Value, json};
 
 use super::settings::RenderSettings;
@@ -26,7 +26,7 @@ pub struct KnownModel {
 
 impl KnownModel {
     /// Reads a model folder or file.
-    pub fn load(path: &Path, device: Device) -> Result<Self, CliError> {
+    pub fn load(path: &Path, device: &Device) -> Result<Self, CliError> {
         let file = if path.is_dir() {
             path.join(MODEL_FILE)
         } else {
@@ -34,7 +34,7 @@ impl KnownModel {
         };
         let digest = || File::open(&file).and_then(sha256);
         let before = digest().ok();
-        let kind = if impasto::is_cpu(&device) {
+        let kind = if impasto::is_cpu(device) {
             "cpu"
         } else {
             "gpu"
@@ -87,9 +87,9 @@ impl KnownModel {
 pub fn distinguished(styles: &Styles) -> Value {
     let coats = match &styles.paint {
         PaintMode::Mixtures(mixtures) => return distinguished_mixtures(mixtures),
-        PaintMode::Coats(coats) => coats,
+        PaintMode::StyleLayers(coats) => coats,
     };
-    let entry = |(spec, images): &(CoatSpec, Vec<RgbImage>)| {
+    let entry = |(spec, images): &(StyleLayerSpec, Vec<RgbImage>)| {
         let weights: Vec<f32> = spec.paintings.iter().map(|p| p.weight).collect();
         json!({
             "paintings": hashed(images.iter().map(|image| (image, 1.0))),

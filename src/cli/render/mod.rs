@@ -42,7 +42,7 @@ pub fn run(args: &RenderArgs) -> Result<CommandOutput, CliError> {
     let target = args.target()?;
     let styles = args.read_styles()?;
     target.check()?;
-    let model = Model::load_on(&args.model, args.device.open()?)?;
+    let model = Model::load_on(&args.model, &args.device.open()?)?;
     let variants = styles.variants(&model, args.refine, &args.settings)?;
     let views = views(&model, &args.views, args.size, args.frames)?;
 

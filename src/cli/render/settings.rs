@@ -1,7 +1,7 @@
 //! How views are rendered.
 
 use clap::Args;
-use impasto::{Coat, Keep, Look, MaskSpec, Model};
+use impasto::{ColorPreservation, MaskSpec, Model, StyleLayer, StyledAppearance};
 
 use crate::cli::CliError;
 use crate::cli::values::{keep, mask, share};
@@ -16,7 +16,7 @@ pub struct RenderSettings {
     /// said), or the paint is moved to the mean and contrast of the scene's own colours (palette)
     #[arg(long = "keep-color", alias = "keep-colour", value_name = "luminance|palette", value_parser = keep,
           num_args = 0..=1, default_missing_value = "luminance", default_value = "none", hide_default_value = true, requires = "styles")]
-    pub keep: Keep,
+    pub keep: ColorPreservation,
     /// Paint only there: near, far, depth:FROM..TO, box:X,Y,Z,X,Y,Z, sphere:X,Y,Z,RADIUS or
     /// surface:X,Y,Z[,TOLERANCE], in scene units; not:SHAPE is everywhere else
     #[arg(long, value_name = "SHAPE", value_parser = mask, requires = "styles", allow_hyphen_values = true)]
@@ -28,7 +28,7 @@ pub struct RenderSettings {
 
 impl RenderSettings {
     /// A look, put on as they say.
-    pub fn coat(&self, model: &Model, look: Look) -> Result<Coat, CliError> {
-        Ok(model.coat_of(look, self.strength, self.keep, self.mask.as_ref())?)
+    pub fn coat(&self, model: &Model, look: StyledAppearance) -> Result<StyleLayer, CliError> {
+        Ok(model.layer_of(look, self.strength, self.keep, self.mask.as_ref())?)
     }
 }

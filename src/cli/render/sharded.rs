@@ -22,7 +22,7 @@ pub fn run(args: &RenderArgs, shard: Shard, start: Instant) -> Result<CommandOut
         )));
     }
     let styles = args.read_styles()?;
-    let known = KnownModel::load(&args.model, args.device.open()?)?;
+    let known = KnownModel::load(&args.model, &args.device.open()?)?;
     let views = views(&known.model, &args.views, args.size, args.frames)?;
     let layout = args.layout(styles.names());
     let folder = open(args, &known, &styles, &views, &layout)?;

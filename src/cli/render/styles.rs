@@ -8,7 +8,10 @@ use std::time::Duration;
 use image::RgbImage;
 use impasto::eval::EvalError;
 use impasto::scene::file::read_text;
-use impasto::{Budget, Coat, CoatSpec, Coats, Inspiration, Look, Model, Refinement};
+use impasto::{
+    Budget, Model, Refinement, StyleEmbedding, StyleLayer, StyleLayerSpec, StyleLayers,
+    StyledAppearance,
+};
 
 use super::settings::RenderSettings;
 use crate::cli::CliError;
@@ -28,7 +31,7 @@ pub enum PaintMode {
     /// In one look after the other.
     Mixtures(Vec<Mixture>),
     /// In coats, one over the other, each with its paintings.
-    Coats(Vec<(CoatSpec, Vec<RgbImage>)>),
+    StyleLayers(Vec<(StyleLayerSpec, Vec<RgbImage>)>),
 }
 
 /// Paintings that make one look, each with its weight; none for the photos' own.
@@ -63,13 +66,13 @@ impl Mixture {
     }
 
     /// The look that a model predicts; none for the photos' own.
-    pub fn look(&self, model: &Model) -> Result<Option<Look>, CliError> {
+    pub fn look(&self, model: &Model) -> Result<Option<StyledAppearance>, CliError> {
         if self.paintings.is_empty() {
             return Ok(None);
         }
-        let inspirations = model.inspirations(self.weighed())?;
-        let mix = Inspiration::mix(&inspirations).ok_or_else(weightless)?;
-        model.look(&mix).map(Some).ok_or(CliError::Unstyled)
+        let inspirations = model.embeddings(self.weighed())?;
+        let mix = StyleEmbedding::mix(&inspirations).ok_or_else(weightless)?;
+        model.appearance(&mix).map(Some).ok_or(CliError::Unstyled)
     }
 }
 
@@ -117,7 +120,7 @@ impl Styles {
             path: path.to_owned(),
             problem,
         };
-        let coats: Coats = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        let coats: StyleLayers = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         coats.check().map_err(|error| wrong(error.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let (mut read, mut labels) = (Vec::new(), Vec::new());
@@ -130,7 +133,7 @@ impl Styles {
             }
             read.push((coat, paintings));
         }
-        Ok(Self::new(PaintMode::Coats(read), labels))
+        Ok(Self::new(PaintMode::StyleLayers(read), labels))
     }
 
     fn new(paint: PaintMode, mut generated: Vec<String>) -> Self {
@@ -142,7 +145,7 @@ impl Styles {
     pub fn names(&self) -> Vec<String> {
         match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures.iter().map(|one| one.name.clone()).collect(),
-            PaintMode::Coats(_) => vec!["coats".into()],
+            PaintMode::StyleLayers(_) => vec!["coats".into()],
         }
     }
 
@@ -150,7 +153,7 @@ impl Styles {
     pub fn paintings(&self) -> impl Iterator<Item = &RgbImage> {
         let mixtures = match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures.as_slice(),
-            PaintMode::Coats(_) => &[],
+            PaintMode::StyleLayers(_) => &[],
         };
         let paintings = mixtures.iter().flat_map(|mixture| &mixture.paintings);
         paintings.map(|(painting, _)| painting)
@@ -168,10 +171,10 @@ impl Styles {
         model: &Model,
         refine: Option<Duration>,
         settings: &RenderSettings,
-    ) -> Result<Vec<Vec<Coat>>, CliError> {
+    ) -> Result<Vec<Vec<StyleLayer>>, CliError> {
         let mixtures = match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures,
-            PaintMode::Coats(specs) => {
+            PaintMode::StyleLayers(specs) => {
                 let specs = specs.iter();
                 let specs = specs.map(|(spec, images)| (spec, images.iter().collect()));
                 return Ok(vec![coats_of(model, specs)?]);
@@ -196,16 +199,16 @@ fn weightless() -> CliError {
     CliError::Usage("at least one --style needs a weight above 0".into())
 }
 
-/// Coats, each of its paintings in order.
+/// StyleLayers, each of its paintings in order.
 pub fn coats_of<'a>(
     model: &Model,
-    specs: impl IntoIterator<Item = (&'a CoatSpec, Vec<&'a RgbImage>)>,
-) -> Result<Vec<Coat>, CliError> {
+    specs: impl IntoIterator<Item = (&'a StyleLayerSpec, Vec<&'a RgbImage>)>,
+) -> Result<Vec<StyleLayer>, CliError> {
     let specs = specs.into_iter();
     let coats = specs.map(|(spec, images)| {
         let weights = spec.paintings.iter().map(|painting| painting.weight);
-        let inspirations = model.inspirations(images.into_iter().zip(weights))?;
-        Ok(model.coat(spec, &inspirations)?)
+        let inspirations = model.embeddings(images.into_iter().zip(weights))?;
+        Ok(model.layer(spec, &inspirations)?)
     });
     coats.collect()
 }
@@ -215,7 +218,7 @@ fn refined(
     model: &Model,
     mixtures: &[Mixture],
     time: Duration,
-) -> Result<Vec<Option<Look>>, CliError> {
+) -> Result<Vec<Option<StyledAppearance>>, CliError> {
     if !model.has_style() {
         return Err(CliError::Unstyled);
     }
@@ -226,7 +229,7 @@ fn refined(
         let mut show = |progress: f64| {
             bar.show((i as f64 + progress) / mixtures.len() as f64, &mixture.name);
         };
-        let look = refinement.look(&paintings, Budget::Time(time), &mut show)?;
+        let look = refinement.appearance(&paintings, Budget::Time(time), &mut show)?;
         Ok(Some(look.ok_or_else(weightless)?))
     });
     looks.collect()

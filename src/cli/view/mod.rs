@@ -10,7 +10,7 @@ use std::time::Instant;
 use clap::Args;
 use impasto::view::{Limits, ModelPainter, Opening, Server, ViewOptions};
 use impasto::{Device, Model};
-use impasto_train::MODEL_FILE;
+use impasto_model::MODEL_FILE;
 use serde_json::json;
 
 use self::workshop::{ModelWorkshop, Shown};
@@ -90,7 +90,7 @@ pub fn run(args: &ViewArgs) -> Result<CommandOutput, CliError> {
 }
 
 fn painter(model: &Path, device: &Device, shown: &Shown) -> Result<ModelPainter, CliError> {
-    let model = Arc::new(Model::load_on(model, device.clone())?);
+    let model = Arc::new(Model::load_on(model, device)?);
     let mut slot = shown.lock().unwrap_or_else(PoisonError::into_inner);
     *slot = Some(Arc::clone(&model));
     drop(slot);

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use impasto::export::{ViewSelection, Views, Watch, export_points, export_splats};
 use impasto::view::{ExportOrder, FilmOrder, Formats, Made, PaintOrder, Progress, Workshop};
-use impasto::{Coat, Model, Stop};
+use impasto::{Model, Stop, StyleLayer};
 
 use crate::cli::CliError;
 use crate::cli::render::{FilmJob, coats_of, film, film_formats};
@@ -32,8 +32,8 @@ impl ModelWorkshop {
     }
 }
 
-/// Coats of paint for a model, of an order's paintings.
-fn coats(model: &Model, paint: &PaintOrder) -> Result<Vec<Coat>, CliError> {
+/// StyleLayers of paint for a model, of an order's paintings.
+fn coats(model: &Model, paint: &PaintOrder) -> Result<Vec<StyleLayer>, CliError> {
     let picture = |id: &str| {
         let found = paint.paintings.iter().find(|(known, _)| known == id);
         let missing = || CliError::Refused(format!("the painting {id} is not there any more"));

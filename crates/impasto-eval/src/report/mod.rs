@@ -13,7 +13,7 @@ use crate::html::escaped;
 use crate::names::{OURS, PHOTO};
 use crate::results::Evaluation;
 use image::ImageError;
-use impasto_train::Quality;
+use impasto_model::Quality;
 use rows::range_of;
 use serde::Serialize;
 use std::path::PathBuf;

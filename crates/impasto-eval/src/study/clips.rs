@@ -10,7 +10,7 @@ use crate::methods::temporal;
 use crate::render::{GROUP, predicted, unstylised, views};
 use crate::trajectory::by_estimate;
 use image::RgbImage;
-use impasto_train::{Look, Model};
+use impasto_model::{Model, StyledAppearance};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -47,8 +47,8 @@ fn ours(model: &Model, plan: &StudyPlan<'_>, tick: &mut dyn FnMut()) -> Result<C
     for group in paintings.chunks(GROUP) {
         let paintings = group.iter().map(|i| &plan.options.paintings[*i].1);
         let looks = paintings.map(|painting| predicted(model, painting));
-        let looks: Vec<Look> = looks.collect::<Result<_, EvalError>>()?;
-        let looks: Vec<&Look> = looks.iter().collect();
+        let looks: Vec<StyledAppearance> = looks.collect::<Result<_, EvalError>>()?;
+        let looks: Vec<&StyledAppearance> = looks.iter().collect();
         let films = views(model, 1, &plan.path, &looks, tick);
         for (painting, frames) in group.iter().zip(films) {
             clips.insert((*painting, ClipKind::Ours), encoded(&frames)?);

@@ -10,7 +10,7 @@ use crate::html::data_url;
 use crate::resize::scaled;
 use image::RgbImage;
 use image::imageops::FilterType;
-use impasto_train::Model;
+use impasto_model::Model;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};

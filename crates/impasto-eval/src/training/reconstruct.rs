@@ -7,8 +7,9 @@ use crate::names::RECONSTRUCTED;
 use crate::render::unstylised;
 use crate::results::NamedResult;
 use image::RgbImage;
+use impasto_model::{Budget, Model};
 use impasto_scene::Split;
-use impasto_train::{Budget, Model};
+use impasto_train::refit;
 use rayon::prelude::*;
 
 /// How to reconstruct a place from stylised pictures of it.
@@ -45,9 +46,9 @@ pub(crate) fn reconstructed(
     let results = paintings.enumerate().map(|(i, (_, painting))| {
         let transfer = stylizer.transfer(painting);
         let painted = photos.par_iter().map(&transfer).collect();
-        let place = evaluator.model.refitted(painted, how.budget);
+        let place = refit(evaluator.model, painted, how.budget);
         let place = place.ok_or(EvalError::NoTrainingViews)?;
-        let [views, frames] = evaluator.render(&place, &[&place.photo_look()]);
+        let [views, frames] = evaluator.render(&place, &[&place.photo_appearance()]);
         Ok(evaluator.measure(&name, i, &views[0], &frames[0])?)
     });
     let results = results.collect::<Result<_, EvalError>>()?;

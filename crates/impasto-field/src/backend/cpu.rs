@@ -171,7 +171,10 @@ impl Backend for Cpu<'_> {
 
     fn shade(&self, evaluated: &Evaluated, shader: &CpuShader, least_weight: f32) -> Tensor<2> {
         let layout = &*evaluated.samples.layout;
-        let app = shader.app.each_ref().map(|(spec, weights)| (spec, &weights[..]));
+        let app = shader
+            .app
+            .each_ref()
+            .map(|(spec, weights)| (spec, &weights[..]));
         let encoded = |bands| frequencies(&evaluated.samples.views, 3, bands);
         let [inner, outer] = &evaluated.features;
         let colours = ShadingPass::new(app, self.field.features()).run(&passes::Samples {
@@ -199,7 +202,9 @@ impl Cpu<'_> {
         });
         let features: Vec<_> = features.collect();
         let densities = evaluated.densities.iter().zip(keep);
-        let densities = densities.filter(|(_, keep)| **keep).map(|(density, _)| *density);
+        let densities = densities
+            .filter(|(_, keep)| **keep)
+            .map(|(density, _)| *density);
         GBuffer::of_samples(
             Arc::new(pruned(&samples.layout, keep)),
             [features[0].clone(), features[1].clone()],

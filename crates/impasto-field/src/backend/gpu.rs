@@ -148,7 +148,9 @@ impl Backend for Gpu<'_> {
         for (ray, (origin, direction)) in rays.origins.iter().zip(&rays.directions).enumerate() {
             uploaded.push(*origin, *direction, jitter(seed, ray), None);
         }
-        self.gpu.grids.march(&uploaded, self.sampling, least_weight(seed))
+        self.gpu
+            .grids
+            .march(&uploaded, self.sampling, least_weight(seed))
     }
 
     fn evaluate(&self, _: &RayBatch, samples: RaySamples, _: Option<u64>) -> Vec<Evaluated> {

@@ -46,8 +46,12 @@ pub(crate) trait Backend: Sync {
     fn sample(&self, rays: &RayBatch, seed: Option<u64>) -> Self::Samples;
 
     /// What the field says of samples: level by level, of which the last is rendered.
-    fn evaluate(&self, rays: &RayBatch, samples: Self::Samples, seed: Option<u64>)
-    -> Vec<Self::Evaluated>;
+    fn evaluate(
+        &self,
+        rays: &RayBatch,
+        samples: Self::Samples,
+        seed: Option<u64>,
+    ) -> Vec<Self::Evaluated>;
 
     /// Median depth of the rays, along the camera's axis, scene units, `[rays]`.
     fn depth(&self, evaluated: &Self::Evaluated) -> Tensor<1>;

@@ -147,7 +147,10 @@ impl Backend for Reference<'_> {
         }
         let rows = values.features.each_ref().map(|features| {
             let rows = features.clone().map(host);
-            (rows.unwrap_or_default(), features.as_ref().map_or(1, |f| f.dims()[1]))
+            (
+                rows.unwrap_or_default(),
+                features.as_ref().map_or(1, |f| f.dims()[1]),
+            )
         });
         let features = rows.each_ref().map(|(rows, width)| Features {
             rows,

@@ -85,12 +85,13 @@ impl<'a> OccupancySampler<'a> {
 
     /// Samples of rays, on all threads.
     pub fn all(&self, rays: &RayBatch) -> Samples {
-        let parts = (0..rays.len().div_ceil(CHUNK))
-            .into_par_iter()
-            .map_init(<[ExpectedWeights; 2]>::default, |expected, chunk| {
+        let parts = (0..rays.len().div_ceil(CHUNK)).into_par_iter().map_init(
+            <[ExpectedWeights; 2]>::default,
+            |expected, chunk| {
                 let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(rays.len());
                 self.part(rays, range, expected)
-            });
+            },
+        );
         join(parts.collect(), rays)
     }
 

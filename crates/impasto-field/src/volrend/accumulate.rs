@@ -36,7 +36,11 @@ pub(crate) struct Features<'a> {
 /// The same rays with one sample per volume: the mean, by weight, of features and positions. The
 /// inner one is as opaque as all of them together; the outer one takes what light is left, and is
 /// left out where that is nothing. No gradients.
-pub(crate) fn accumulate(samples: &Samples, features: [Features<'_>; 2], weights: &[f32]) -> Merged {
+pub(crate) fn accumulate(
+    samples: &Samples,
+    features: [Features<'_>; 2],
+    weights: &[f32],
+) -> Merged {
     let split = samples.inner.len();
     let layout = &samples.layout;
     let (mut inner, mut outer) = (Vec::new(), Vec::new());
@@ -68,7 +72,9 @@ pub(crate) fn accumulate(samples: &Samples, features: [Features<'_>; 2], weights
     let outer = Merging::new(outer, &weights[split..]);
     let of_steps = |steps: &[f32]| {
         let parts = [(&inner, &steps[..split]), (&outer, &steps[split..])];
-        parts.map(|(merging, rows)| merging.means(Features { rows, width: 1 })).concat()
+        parts
+            .map(|(merging, rows)| merging.means(Features { rows, width: 1 }))
+            .concat()
     };
     Merged {
         layout: CompositeLayout {
@@ -156,8 +162,7 @@ mod tests {
     fn light_from_one_place_has_no_footprint() {
         // Along x at 0, 0.2 and 0.4.
         let points = [0.0, 0.5, 0.5, 0.2, 0.5, 0.5, 0.4, 0.5, 0.5];
-        let found =
-            |weights: [f32; 3], mean: f32| footprint(&points, &[mean, 0.5, 0.5], &weights);
+        let found = |weights: [f32; 3], mean: f32| footprint(&points, &[mean, 0.5, 0.5], &weights);
         assert!(found([0.0, 1.0, 0.0], 0.2).abs() < 1e-6);
         assert!((found([0.5, 0.0, 0.5], 0.2) - 0.2).abs() < 1e-6);
         // 0.25 * 0.15² + 0.5 * 0.05² + 0.25 * 0.25², about 0.15.

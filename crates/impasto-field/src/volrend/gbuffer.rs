@@ -106,7 +106,8 @@ impl VolumeBuffer {
 
     fn join(parts: Vec<Self>) -> Option<Self> {
         let cat = |all: Vec<Tensor<2>>| (!all.is_empty()).then(|| Tensor::cat(all, 0));
-        let (mut features, mut views, mut canvas) = (Vec::new(), Vec::new(), [const { Vec::new() }; 2]);
+        let (mut features, mut views, mut canvas) =
+            (Vec::new(), Vec::new(), [const { Vec::new() }; 2]);
         let grid = parts.first()?.canvas.as_ref().map(|canvas| canvas.grid);
         for part in parts {
             features.push(part.features);
@@ -120,13 +121,14 @@ impl VolumeBuffer {
         Some(Self {
             features: cat(features)?,
             views: cat(views),
-            canvas: grid.zip(points).zip(attenuation).map(|((grid, points), attenuation)| {
-                CanvasPoints {
+            canvas: grid
+                .zip(points)
+                .zip(attenuation)
+                .map(|((grid, points), attenuation)| CanvasPoints {
                     grid,
                     points,
                     attenuation,
-                }
-            }),
+                }),
         })
     }
 }
@@ -222,7 +224,10 @@ impl GBuffer {
             at = [at[0] + split, at[1] + length - split];
         }
         let [inner, outer] = halves;
-        let mut steps = inner.into_iter().zip(outer).map(|(inner, outer)| [inner, outer].concat());
+        let mut steps = inner
+            .into_iter()
+            .zip(outer)
+            .map(|(inner, outer)| [inner, outer].concat());
         let mut next = || steps.next().unwrap_or_default();
         (layout.deltas, layout.depths, layout.distances) = (next(), next(), next());
         let mut volumes: [Vec<VolumeBuffer>; 2] = Default::default();
@@ -293,7 +298,10 @@ impl GBuffer {
             let points = volume.canvas.iter().zip(canvas);
             let strokes = points.map(|(points, canvas)| points.encode(canvas));
             let others = volume.views.iter().cloned().chain(strokes);
-            let inputs = [volume.features.clone()].into_iter().chain(others).collect();
+            let inputs = [volume.features.clone()]
+                .into_iter()
+                .chain(others)
+                .collect();
             let network = appearance.config.network(width);
             let weights = network.folded(app, appearance.latent.as_ref());
             colours.push(network.forward(inputs, weights, known));

@@ -4,8 +4,8 @@ mod presets;
 
 use crate::error::ModelError;
 use impasto_field::{AppConfig, AppearanceConfig, FieldConfig, Shading, config::check_hash_grid};
-use impasto_kernels::settings::{OutOfRange, share, usable};
 use impasto_kernels::settings;
+use impasto_kernels::settings::{OutOfRange, share, usable};
 use impasto_style::{Network, PatchStrides, StyleError, StyleReduction, StyleVae};
 use serde::{Deserialize, Serialize};
 
@@ -212,9 +212,14 @@ impl StyleConfig {
             return fault("patch", "8 to 1024 a side, with VGG-19 9 to 1024");
         }
         let side = |i: usize| self.patch[i].checked_mul(self.supersampling);
-        let rays = side(0).zip(side(1)).and_then(|(rows, columns)| rows.checked_mul(columns));
+        let rays = side(0)
+            .zip(side(1))
+            .and_then(|(rows, columns)| rows.checked_mul(columns));
         if rays.is_none_or(|rays| rays > MOST_PATCH_RAYS) {
-            return fault("supersampling", "at least 1, and at most 262144 rays a patch");
+            return fault(
+                "supersampling",
+                "at least 1, and at most 262144 rays a patch",
+            );
         }
         if self.content_target == ContentTarget::Photo && self.novel_views > 0.0 {
             let allowed =

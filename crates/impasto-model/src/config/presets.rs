@@ -1,6 +1,8 @@
 //! The presets.
 
-use crate::config::{ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, StyleConfig, TrainConfig};
+use crate::config::{
+    ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, StyleConfig, TrainConfig,
+};
 use crate::embedding::STYLE_SIDE;
 use impasto_field::{
     AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig, Shading,
@@ -12,13 +14,15 @@ use impasto_style::{Network, PatchStrides, StyleReduction};
 impl TrainConfig {
     /// The default preset: hash grids, small networks, and paint that two views agree on.
     pub fn fast() -> Self {
-        let grid = |log2_entries, finest| EncodingConfig::HashGrid(HashGridSpec {
-            levels: 8,
-            features: 4,
-            log2_entries,
-            coarsest: 16.0,
-            finest,
-        });
+        let grid = |log2_entries, finest| {
+            EncodingConfig::HashGrid(HashGridSpec {
+                levels: 8,
+                features: 4,
+                log2_entries,
+                coarsest: 16.0,
+                finest,
+            })
+        };
         let volume = |encoding| VolumeConfig {
             encoding,
             base: vec![64, 32],

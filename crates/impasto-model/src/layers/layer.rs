@@ -5,7 +5,6 @@ use crate::layers::mask::Mask;
 use crate::layers::spec::ColorPreservation;
 use impasto_field::RayBatch;
 
-
 /// One layer of paint, ready: an appearance, and how and where it goes.
 #[derive(Debug, Clone)]
 pub struct StyleLayer {
@@ -59,7 +58,9 @@ impl BlendTarget<'_> {
                 }
             };
             let moved = match layer.keep {
-                ColorPreservation::None | ColorPreservation::Palette => [painted[0], painted[1], painted[2]],
+                ColorPreservation::None | ColorPreservation::Palette => {
+                    [painted[0], painted[1], painted[2]]
+                }
                 ColorPreservation::Luminance => relit(&self.photo[3 * ray..3 * ray + 3], painted),
             };
             for (below, painted) in below.iter_mut().zip(moved) {

@@ -121,7 +121,10 @@ impl Mask {
         let share = match depth.is_finite() {
             true => self.inside(Vec3::from(origin) + Vec3::from(direction) * depth, depth),
             false => {
-                let endless = matches!(self.shape, MaskShape::Far | MaskShape::Depth { to: None, .. });
+                let endless = matches!(
+                    self.shape,
+                    MaskShape::Far | MaskShape::Depth { to: None, .. }
+                );
                 f32::from(u8::from(endless))
             }
         };

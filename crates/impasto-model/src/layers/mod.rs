@@ -6,10 +6,10 @@ mod mask;
 mod region;
 mod spec;
 
-pub use layer::StyleLayer;
-pub use mask::{MaskShape, MaskSpec};
 pub(crate) use layer::BlendTarget;
+pub use layer::StyleLayer;
 pub(crate) use mask::Mask;
+pub use mask::{MaskShape, MaskSpec};
 pub use spec::{ColorPreservation, LayerError, PaintingSpec, StyleLayerSpec, StyleLayers};
 
 pub(crate) use region::SurfaceCells;

@@ -129,8 +129,8 @@ impl StyleLayerSpec {
 
 #[cfg(test)]
 mod tests {
-    use crate::layers::mask::MaskShape;
     use super::*;
+    use crate::layers::mask::MaskShape;
 
     fn read(json: &str) -> Result<StyleLayers, String> {
         let coats: StyleLayers = serde_json::from_str(json).map_err(|error| error.to_string())?;

@@ -183,7 +183,10 @@ impl GeometryStage {
     }
 
     /// Lets a GPU train on its own, where there is one that can.
-    #[cfg_attr(not(feature = "gpu"), allow(clippy::unused_self, reason = "there is no GPU"))]
+    #[cfg_attr(
+        not(feature = "gpu"),
+        allow(clippy::unused_self, reason = "there is no GPU")
+    )]
     fn open_gpu(&mut self, _device: &Device) {
         #[cfg(feature = "gpu")]
         {
@@ -255,7 +258,9 @@ impl GeometryStage {
         if let Some(grids) = self.gpu.as_ref().and_then(|gpu| gpu.training.grids()) {
             return Some(grids);
         }
-        self.occupancy.as_ref().map(|occupancy| occupancy.grids.clone())
+        self.occupancy
+            .as_ref()
+            .map(|occupancy| occupancy.grids.clone())
     }
 
     /// One optimiser step.
@@ -314,7 +319,13 @@ impl GeometryStage {
         } else {
             (rays as f32 * self.config.surface_share) as usize
         };
-        draw(&self.photos, rays - known, &self.surfaces, known, &mut self.rng)
+        draw(
+            &self.photos,
+            rays - known,
+            &self.surfaces,
+            known,
+            &mut self.rng,
+        )
     }
 
     /// [`Self::step`] of which nothing comes back from the device, but now and then the loss.
@@ -332,7 +343,9 @@ impl GeometryStage {
         let seed = self.rng.random();
         let level = self.levels[0].values();
         let distances = &targets.distances;
-        let descent = gpu.training.descend(&level, &targets.rays, distances, wanted, seed);
+        let descent = gpu
+            .training
+            .descend(&level, &targets.rays, distances, wanted, seed);
         // Adam works in place only on what nobody else holds.
         drop(level);
         let gradients = descent.gradients.named().into_iter();
@@ -394,7 +407,11 @@ impl GeometryStage {
         let fade = config.final_rate.powf(progress);
         self.levels[level].step(gradients, |name| {
             let sparse = name.ends_with(".encoding");
-            let rate = if sparse { config.grid_rate } else { config.network_rate };
+            let rate = if sparse {
+                config.grid_rate
+            } else {
+                config.network_rate
+            };
             Rate {
                 rate: rate * fade,
                 sparse,

@@ -15,7 +15,9 @@ pub(crate) fn file_identity(file: &PictureFile) -> u64 {
 pub(crate) fn folder_identity(folder: &PictureFolder) -> u64 {
     let count = Hash::of(&folder.files.len());
     let files = folder.files.iter();
-    files.fold(count, |hash, file| hash.and(&file.name).and(&file.bytes)).0
+    files
+        .fold(count, |hash, file| hash.and(&file.name).and(&file.bytes))
+        .0
 }
 
 /// The folder of a run: at least one file of it is a picture.
@@ -27,8 +29,8 @@ pub fn painting_folder(path: &Path) -> Result<PictureFolder, TrainError> {
         path: path.to_owned(),
         reason,
     };
-    let folder =
-        PictureFolder::walk(path).map_err(|e| fault(format!("cannot be read ({})", plainly(&e))))?;
+    let folder = PictureFolder::walk(path)
+        .map_err(|e| fault(format!("cannot be read ({})", plainly(&e))))?;
     let mut first = None;
     for file in &folder.files {
         match file.read() {

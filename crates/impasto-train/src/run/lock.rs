@@ -1,8 +1,8 @@
 //! Folders that one run has to itself.
 
 use crate::TrainError;
-use std::fs::{File, TryLockError};
 use impasto_scene::file::name_of_temporary;
+use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::Path;
 

@@ -107,7 +107,10 @@ fn unfinished(
 }
 
 /// The folder's model, if it is what a finished run of the same kind and length has made.
-fn finished(options: &TrainOptions, identity: &RunIdentity) -> Result<Option<ModelFile>, TrainError> {
+fn finished(
+    options: &TrainOptions,
+    identity: &RunIdentity,
+) -> Result<Option<ModelFile>, TrainError> {
     let path = options.output.join(MODEL_FILE);
     if !path.is_file() {
         return Ok(None);
@@ -125,7 +128,11 @@ fn finished(options: &TrainOptions, identity: &RunIdentity) -> Result<Option<Mod
     Ok(same.then_some(file))
 }
 
-fn check_same_run(folder: &Path, ours: &RunIdentity, theirs: &RunIdentity) -> Result<(), TrainError> {
+fn check_same_run(
+    folder: &Path,
+    ours: &RunIdentity,
+    theirs: &RunIdentity,
+) -> Result<(), TrainError> {
     match ours.difference(theirs) {
         Some(difference) => Err(TrainError::Resume {
             folder: folder.to_owned(),

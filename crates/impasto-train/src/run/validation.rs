@@ -39,11 +39,7 @@ pub fn validate(model: &Model, scene: &Scene, limit: Duration) -> (Quality, Opti
 }
 
 /// PSNR and SSIM of a render and its photo, of the pixels that show the place.
-fn compare(
-    pair: [&[f32]; 2],
-    size: [usize; 2],
-    mask: Option<&[bool]>,
-) -> (f64, f64) {
+fn compare(pair: [&[f32]; 2], size: [usize; 2], mask: Option<&[bool]>) -> (f64, f64) {
     let ([view, truth], [width, height]) = (pair, size);
     match mask {
         None => (
@@ -82,7 +78,9 @@ pub fn style_preview(model: &Model, embeddings: &[StyleEmbedding]) -> Option<Rgb
     appearances.extend(embeddings.iter().filter_map(|e| model.appearance(e)));
     let view = model.render(&camera, &appearances.iter().collect::<Vec<_>>());
     Some(beside(
-        &(0..appearances.len()).map(|i| view.image(i)).collect::<Vec<_>>(),
+        &(0..appearances.len())
+            .map(|i| view.image(i))
+            .collect::<Vec<_>>(),
     ))
 }
 

@@ -59,8 +59,8 @@ mod tests {
     use super::*;
     use burn::tensor::Device;
     use impasto_field::{
-        EncodingConfig, Field, GBufferOptions, OccupancyGrids, RayBatch, Renderer, SamplingConfig, Shading,
-        host,
+        EncodingConfig, Field, GBufferOptions, OccupancyGrids, RayBatch, Renderer, SamplingConfig,
+        Shading, host,
     };
     use impasto_kernels::HashGridSpec;
     use impasto_model::TrainConfig;
@@ -76,7 +76,10 @@ mod tests {
         });
         let mut all = vec![host(loss.clone().inner())];
         let gradients = loss.backward();
-        let own = own.named().into_iter().map(|(_, leaf)| leaf.grad(&gradients));
+        let own = own
+            .named()
+            .into_iter()
+            .map(|(_, leaf)| leaf.grad(&gradients));
         all.extend(own.map(|grad| grad.map(host).unwrap_or_default()));
         all
     }
@@ -87,9 +90,7 @@ mod tests {
         for volume in [&mut config.field.inner, &mut config.field.outer] {
             volume.encoding = EncodingConfig::Frequency { bands: 2 };
         }
-        let SamplingConfig::Occupancy(spec) = &mut config.field.sampling else {
-            unreachable!("the preset samples by density grids");
-        };
+        let spec = config.field.occupancy_mut().expect("the preset has grids");
         (spec.inner_grid, spec.outer_grid) = (8, 8);
         let grids = OccupancyGrids::uniform(spec, 1.0);
         config.style.shading = Shading::Surface {

@@ -376,9 +376,7 @@ mod tests {
         for volume in [&mut config.field.inner, &mut config.field.outer] {
             volume.encoding = EncodingConfig::Frequency { bands: 2 };
         }
-        let SamplingConfig::Occupancy(spec) = &mut config.field.sampling else {
-            unreachable!("the preset samples by density grids");
-        };
+        let spec = config.field.occupancy_mut().expect("the preset has grids");
         (spec.inner_grid, spec.outer_grid) = (8, 8);
         let grids = OccupancyGrids::uniform(spec, 1.0);
         config.style.patch = patch;

@@ -61,7 +61,10 @@ impl<'a> Refinement<'a> {
             photo_weight: 0.0,
             ..file.config.style.clone()
         };
-        let apps = [file.config.photo_appearance(), file.config.style_appearance()];
+        let apps = [
+            file.config.photo_appearance(),
+            file.config.style_appearance(),
+        ];
         let (weights, grids) = (file.radiance.weights.clone(), file.grids.clone());
         let field = Field::new(file.config.field.clone());
         let renderer = Renderer::open(field, weights, grids, apps.each_ref());
@@ -95,7 +98,7 @@ impl<'a> Refinement<'a> {
             return Ok(None);
         };
         let target = self.target(paintings)?;
-        let appearance = self.descended(predicted, &target, budget, progress)?;
+        let appearance = self.descended(&predicted, &target, budget, progress)?;
         Ok(Some(self.model.styled(appearance, &embedding.colors)))
     }
 
@@ -121,13 +124,16 @@ impl<'a> Refinement<'a> {
     /// The appearance after gradient descent on its weights; a canvas is everybody's and stays.
     fn descended(
         &mut self,
-        first: Appearance,
+        first: &Appearance,
         target: &Statistics,
         budget: Budget,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Appearance, StyleError> {
         let mut params = Adam::new(&AppWeights(first.clone()));
-        let canvas = first.canvas.as_ref().map(|c| c.map(|_, t| Tensor::from_inner(t.clone())));
+        let canvas = first
+            .canvas
+            .as_ref()
+            .map(|c| c.map(|_, t| Tensor::from_inner(t.clone())));
         let (mut clock, mut readback) = (Clock::start(budget), ReadbackSchedule::new());
         while !clock.is_over() {
             let patch = self.patches.draw(&self.vgg, &mut self.rng)?;
@@ -148,7 +154,9 @@ impl<'a> Refinement<'a> {
             let value = loss.clone().inner();
             let mut gradients = loss.backward();
             let named = leaves.named().into_iter();
-            let found: Vec<_> = named.map(|(_, leaf)| leaf.grad_remove(&mut gradients)).collect();
+            let found: Vec<_> = named
+                .map(|(_, leaf)| leaf.grad_remove(&mut gradients))
+                .collect();
             // Adam works in place only on what nobody else holds.
             drop(leaves);
             let fade = self.settings.final_rate.powf(clock.progress() as f32);

@@ -174,7 +174,9 @@ impl StyleStage {
         };
         let mut gradients = total.backward();
         let leaves = model.named().into_iter();
-        let gradients: Vec<_> = leaves.map(|(_, leaf)| leaf.grad_remove(&mut gradients)).collect();
+        let gradients: Vec<_> = leaves
+            .map(|(_, leaf)| leaf.grad_remove(&mut gradients))
+            .collect();
         self.reported = report;
         if read {
             self.readback.done();
@@ -194,7 +196,13 @@ impl StyleStage {
 
     /// What a patch's colours should be: the photo in the painting's colours at first, then like the
     /// painting.
-    fn losses(&self, colours: Tensor<2>, patch: &FrozenPatch, style: &Style, palette: bool) -> Losses {
+    fn losses(
+        &self,
+        colours: Tensor<2>,
+        patch: &FrozenPatch,
+        style: &Style,
+        palette: bool,
+    ) -> Losses {
         if palette {
             return self.palette_loss(colours, patch, style);
         }

@@ -8,9 +8,10 @@
 
 use impasto_field::EncodingConfig;
 use impasto_kernels::device::tested;
+use impasto_model::{Budget, Stages, TrainConfig};
 use impasto_paintings::{Recipe, paint};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
-use impasto_train::{Budget, Recovery, Stages, TrainConfig, TrainOptions};
+use impasto_train::{Recovery, TrainOptions};
 use std::path::Path;
 
 /// The fast preset with small hash grids.

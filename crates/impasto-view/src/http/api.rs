@@ -4,8 +4,8 @@ use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::Response;
+use impasto_model::StyleLayers;
 use impasto_scene::file::{plainly, read_whole};
-use impasto_train::Coats;
 use serde_json::json;
 
 use super::reply::{Refusal, json_body, json_reply, of_type};
@@ -51,7 +51,7 @@ pub(super) async fn save_favourite(
     Path(name): Path<String>,
     body: Body,
 ) -> Reply {
-    let coats: Coats = json_body(body, studio.limits.body).await?;
+    let coats: StyleLayers = json_body(body, studio.limits.body).await?;
     coats.check().map_err(|e| Refusal::wrong(e.to_string()))?;
     let saved = apart(move || {
         let shared = &studio.shared;

@@ -3,8 +3,8 @@
 use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::{HeaderValue, header};
+use impasto_model::{StyleLayerSpec, StyleLayers};
 use impasto_scene::paths::CameraPath;
-use impasto_train::{CoatSpec, Coats};
 use serde_json::{Value, json};
 
 use super::reply::{Refusal, json_body, json_reply};
@@ -97,9 +97,9 @@ fn known(wanted: &str, list: &[String], all: &Formats) -> Result<(), Refusal> {
     )))
 }
 
-/// Coats whose paintings there are. They are read when the job's turn comes: many may wait.
-fn paint(coats: Vec<CoatSpec>, library: &PaintingLibrary) -> Result<PaintOrder, String> {
-    let coats: Coats = checked(coats)?;
+/// StyleLayers whose paintings there are. They are read when the job's turn comes: many may wait.
+fn paint(coats: Vec<StyleLayerSpec>, library: &PaintingLibrary) -> Result<PaintOrder, String> {
+    let coats: StyleLayers = checked(coats)?;
     for spec in coats.coats.iter().flat_map(|coat| &coat.paintings) {
         library.file(&spec.painting)?;
     }

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use image::RgbImage;
+use impasto_model::StyleLayers;
 use impasto_scene::Camera;
-use impasto_train::Coats;
 
 use super::pace::{Pace, bands};
 use crate::frame::Level;
@@ -79,7 +79,7 @@ impl<V: ViewGeometry> ViewPart<V> {
 pub(super) struct Easel<P: Painter> {
     pub(super) view: Option<(ViewMessage, Instant)>,
     /// The coats that are on it, and since when.
-    pub(super) coats: (u32, Coats, Instant),
+    pub(super) coats: (u32, StyleLayers, Instant),
     pub(super) paint: Option<P::Paint>,
     parts: Vec<ViewPart<P::Geometry>>,
     /// Indices of the parts that are still to be painted.
@@ -90,7 +90,7 @@ impl<P: Painter> Easel<P> {
     pub(super) fn new() -> Self {
         Self {
             view: None,
-            coats: (0, Coats { coats: Vec::new() }, Instant::now()),
+            coats: (0, StyleLayers { coats: Vec::new() }, Instant::now()),
             paint: None,
             parts: Vec::new(),
             plan: VecDeque::new(),

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use impasto_train::Stop;
+use impasto_model::Stop;
 
 use self::easel::Easel;
 use self::pace::Pace;

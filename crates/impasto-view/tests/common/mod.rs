@@ -16,8 +16,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use image::{ImageFormat, Rgb, RgbImage};
+use impasto_model::{ModelPhoto, Stop, StyleLayers};
 use impasto_scene::{Camera, Normalisation, Split};
-use impasto_train::{Coats, ModelPhoto, Stop};
 use impasto_view::{
     ExportOrder, FilmOrder, Formats, Limits, Made, Opening, Painter, Pictures, Progress,
     SceneFacts, Server, ViewGeometry, ViewOptions, Workshop,
@@ -139,7 +139,7 @@ impl Painter for StandIn {
             .collect()
     }
 
-    fn mix(&mut self, coats: &Coats, pictures: Pictures<'_>) -> Result<Rgb<u8>, String> {
+    fn mix(&mut self, coats: &StyleLayers, pictures: Pictures<'_>) -> Result<Rgb<u8>, String> {
         self.asked.mixes.fetch_add(1, Ordering::SeqCst);
         let painting = &coats.coats[0].paintings[0].painting;
         Ok(*pictures(painting)?.get_pixel(0, 0))
