@@ -1,8 +1,9 @@
 //! Training of the style-VAE (PAPER §5).
 
+use crate::Network;
 use crate::components::{Components, principal_components};
 use crate::hypernetwork::normal;
-use crate::perceptual::{Network, Statistics};
+use crate::perceptual::Statistics;
 use crate::vae::{StyleCode, StyleInput, StyleVae, WIDTH, decoder_spec, encoder_spec};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_kernels::cpu;
