@@ -1,6 +1,6 @@
 //! The hypernetwork Ψ (PAPER §6): one small MLP per predicted layer of `app`.
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use impasto_kernels::{Activation, LayerSpec, MlpSpec, ops};
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -80,8 +80,7 @@ impl Hypernetwork {
                     }
                 }
             }
-            let length = flat.len();
-            vectors.push(Tensor::from_data(TensorData::new(flat, [length]), device));
+            vectors.push(Tensor::from_data(flat.as_slice(), device));
         }
         HypernetworkWeights(vectors)
     }
