@@ -13,13 +13,15 @@ pub mod device;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod ops;
+pub mod sampling;
 
 pub use cpu::adam::AdamStep;
 pub use cpu::composite::{CompositeLayout, RaySpan};
-pub use cpu::conv_chain::{ChainTape, ConvChain, FeatureMap, FilterGradient, Resample};
+pub use cpu::conv_chain::{ChainTape, ConvChain, FilterGradient, Resample};
 pub use cpu::convolution::ConvLayer;
 pub use cpu::density_grid::DensityGrid;
 pub use cpu::hash_grid::HashGridSpec;
 pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
-pub use cpu::perceptual::{Border, OddEnd, PerceptualStack};
+pub use cpu::padded::{Border, FeatureMap, OddEnd};
+pub use cpu::perceptual::PerceptualStack;
 pub use cpu::radiance::{Density, RadianceSpec, Volume, VolumeSpec};

@@ -2,8 +2,9 @@
 //! each volume's grid expects along the ray, the second cuts it into equal parts, a sample for each.
 //! Between the two, one cube counts where every ray's samples begin.
 
-use super::launch::{UNITS, argument, cube, cubes_for, empty, empty_u32, is_finite};
+use super::launch::{UNITS, Uploaded, argument, cube, cubes_for, empty, empty_u32, is_finite};
 use crate::cpu::density_grid::DensityGrid;
+use crate::sampling::LEAST_TRANSMITTANCE;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
 
@@ -12,8 +13,6 @@ use burn_cubecl::tensor::CubeTensor;
 pub(crate) const RAY: usize = 8;
 /// Most looks at the inner density grid along a ray.
 const MOST_STEPS: f32 = 2e4;
-/// Light that is too little for what it meets to matter.
-const DARK: f32 = 1e-4;
 /// The step of the last outer sample, which everything infinitely far belongs to.
 const LAST_STEP: f32 = 1e10;
 
@@ -30,7 +29,8 @@ pub struct MarchSpec {
     pub outer_steps: usize,
     /// Depth before which nothing is sampled.
     pub near: f32,
-    /// Weight that a sample must be expected to have, or else it counts for nothing; −1 to count all.
+    /// Weight that a sample must be expected to have, or else it counts for nothing; see
+    /// [`crate::sampling`].
     pub least_weight: f32,
 }
 
@@ -234,7 +234,7 @@ fn weight(
     );
     let level = levels[x + side * (y + side * z)] as usize;
     let mut taken = reaching * (1.0 - table[from_table + level]);
-    taken = select(reaching < DARK, 0.0f32, taken);
+    taken = select(reaching < LEAST_TRANSMITTANCE, 0.0f32, taken);
     if outer {
         taken = select(i + 1 == comptime!(shape.outer_steps), reaching, taken);
     }
@@ -514,6 +514,18 @@ pub(crate) struct Marched {
     pub(crate) bounds: CubeTensor,
 }
 
+impl Marched {
+    /// Room for so many samples.
+    fn empty(rays: &CubeTensor, samples: usize) -> Self {
+        Self {
+            points: empty(rays, [samples, 3]),
+            spans: empty_u32(rays, 4 * rays.meta.shape()[0]),
+            steps: empty(rays, [4, samples]),
+            bounds: empty_u32(rays, 3),
+        }
+    }
+}
+
 /// Samples of rays, `[rays, RAY]`, by the levels of both volumes' grids.
 ///
 /// # Panics
@@ -528,14 +540,9 @@ pub(crate) fn march(
     assert!(count > 0, "rays to march");
     let shape = Shape::of(spec, sides);
     let n = count * shape.samples;
-    let table = super::launch::Uploaded::f32(rays, &table(spec));
+    let table = Uploaded::f32(rays, &table(spec));
     let (counts, masses) = (empty_u32(rays, count), empty(rays, [count, 2]));
-    let marched = Marched {
-        points: empty(rays, [n, 3]),
-        spans: empty_u32(rays, 4 * count),
-        steps: empty(rays, [4, n]),
-        bounds: empty_u32(rays, 3),
-    };
+    let marched = Marched::empty(rays, n);
     let client = &rays.client;
     // SAFETY: units look at their own ray; spans divide `n` among them; cells lie inside the grids.
     unsafe {

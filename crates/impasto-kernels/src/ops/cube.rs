@@ -1,7 +1,7 @@
 //! GPUs: tensors stay where they are.
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
-use crate::gpu::composite::Layout;
+use crate::gpu::composite::DeviceLayout;
 use crate::gpu::launch::whole;
 use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance};
 use crate::{
@@ -33,7 +33,7 @@ impl KernelOps for CubeBackend {
 
     fn composite(sigma: Primitive, colours: Primitive, layout: Arc<CompositeLayout>) -> Primitive {
         let sigma = whole(sigma);
-        composite::forward(&Layout::of(&sigma, &layout), &sigma, &whole(colours))
+        composite::forward(&DeviceLayout::of(&sigma, &layout), &sigma, &whole(colours))
     }
 
     fn perceptual(image: Primitive, stack: Arc<PerceptualStack>) -> Primitive {
@@ -66,7 +66,7 @@ impl KernelOps for CubeBackend {
 }
 
 impl KernelGrad for CubeBackend {
-    type PerceptualTape = perceptual::Tape;
+    type PerceptualTape = perceptual::StackTape;
 
     fn hash_encode_backward(points: Primitive, grad: Primitive, spec: HashGridSpec) -> Primitive {
         hash_grid::spread(&whole(points), &whole(grad), &spec)
@@ -98,7 +98,7 @@ impl KernelGrad for CubeBackend {
     ) -> (Primitive, Primitive) {
         layout.in_order();
         let sigma = whole(sigma);
-        let device = Layout::of(&sigma, &layout);
+        let device = DeviceLayout::of(&sigma, &layout);
         composite::backward(&device, &sigma, &whole(colours), &whole(grad))
     }
 
@@ -115,7 +115,7 @@ impl KernelGrad for CubeBackend {
 
     fn perceptual_taped(
         image: Primitive,
-        stack: &PerceptualStack,
+        stack: &Arc<PerceptualStack>,
     ) -> (Primitive, Self::PerceptualTape) {
         perceptual::forward(image, stack)
     }

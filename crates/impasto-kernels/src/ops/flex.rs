@@ -195,7 +195,7 @@ impl KernelGrad for Flex {
 
     fn perceptual_taped(
         image: Primitive,
-        stack: &PerceptualStack,
+        stack: &Arc<PerceptualStack>,
     ) -> (Primitive, Self::PerceptualTape) {
         let shape = image.shape();
         let (features, tape) = with(&image, |i| stack.forward(i, shape[0], shape[1]));

@@ -94,7 +94,7 @@ pub trait KernelGrad: Backend {
     /// Forward pass that keeps its activations.
     fn perceptual_taped(
         image: FloatTensor<Self>,
-        stack: &PerceptualStack,
+        stack: &Arc<PerceptualStack>,
     ) -> (FloatTensor<Self>, Self::PerceptualTape);
     /// Gradient for the image.
     fn perceptual_backward(

@@ -102,11 +102,13 @@ fn pool_backward_kernel(
     }
 }
 
-/// Hands each pooled gradient to the first of the inputs that reached the maximum.
+/// Hands each pooled gradient to the first of the inputs that reached the maximum. Sizes are those
+/// of the input and of what is pooled.
 pub(super) fn pool_backward(
-    (input, from): (&CubeTensor, Size),
-    (pooled, to): (&CubeTensor, Size),
+    input: &CubeTensor,
+    pooled: &CubeTensor,
     grad: &CubeTensor,
+    [from, to]: [Size; 2],
     channels: usize,
 ) -> CubeTensor {
     let count = from.pixels() * channels;
