@@ -158,7 +158,7 @@ impl Passes<'_> {
         let shaded = self.shading.iter().map(|(pass, bands)| {
             let rows = |bands| frequencies(views.as_flattened(), 3, bands);
             let views = bands.map_or_else(Vec::new, rows);
-            let mut colours = pass.run(&passes::Samples {
+            let mut colours = pass.run(&passes::ShadingSamples {
                 layout,
                 densities: &densities,
                 features: [&inner, &outer],

@@ -112,7 +112,7 @@ pub struct ShadingPass<'a> {
 
 /// Samples of rays, for [`ShadingPass::run`].
 #[derive(Debug, Clone, Copy)]
-pub struct Samples<'a> {
+pub struct ShadingSamples<'a> {
     /// Samples, packed ray by ray: all inner ones first, then all outer ones.
     pub layout: &'a CompositeLayout,
     /// Density of each.
@@ -150,7 +150,7 @@ impl<'a> ShadingPass<'a> {
     ///
     /// # Panics
     /// If slices do not have their stated lengths.
-    pub fn run(&self, samples: &Samples<'_>) -> Vec<f32> {
+    pub fn run(&self, samples: &ShadingSamples<'_>) -> Vec<f32> {
         let rays = samples.layout.rays.len();
         let count = samples.keep.len();
         let layout = samples.layout;
@@ -173,7 +173,7 @@ impl<'a> ShadingPass<'a> {
 
 struct Shading<'a> {
     pass: &'a ShadingPass<'a>,
-    samples: &'a Samples<'a>,
+    samples: &'a ShadingSamples<'a>,
 }
 
 impl WithSimd for Shading<'_> {

@@ -9,7 +9,7 @@ use super::composite::{self, DeviceLayout};
 use super::density_grid::{self, Cells, Places};
 use super::launch::{Rows, Uploaded, empty, from_slice, from_u32, whole};
 use super::march::{self, MarchSpec, Marched};
-use super::radiance::{self, Trunk};
+use super::radiance::{self, TrunkTape};
 use super::{hash_grid, merge, mlp};
 use crate::{CompositeLayout, DensityGrid, HashGridSpec, Volume, VolumeSpec};
 use burn::backend::ops::FloatTensorOps;
@@ -252,11 +252,11 @@ fn trunk(
     volume: usize,
     rows: Rows<'_>,
     density: &CubeTensor,
-) -> Trunk {
+) -> TrunkTape {
     let grid = &spec.grids[volume];
     let encoded = empty(points, [rows.most(), grid.outputs()]);
     hash_grid::encode_into(points, &weights.encoded, grid, rows, &encoded);
-    Trunk::new(encoded, &spec.volumes[volume], weights, rows, density)
+    TrunkTape::new(encoded, &spec.volumes[volume], weights, rows, density)
 }
 
 /// What rays should look like, and what else counts.

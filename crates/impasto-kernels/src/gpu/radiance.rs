@@ -210,13 +210,13 @@ pub(crate) fn with_views(
 }
 
 /// One volume's samples on their way to features and densities, and back.
-pub(crate) struct Trunk {
+pub(crate) struct TrunkTape {
     encoded: CubeTensor,
     pub(crate) features: CubeTensor,
     raw: CubeTensor,
 }
 
-impl Trunk {
+impl TrunkTape {
     /// Some rows of encoded samples, whose densities go to the same rows of `density`.
     pub(crate) fn new(
         encoded: CubeTensor,
@@ -334,7 +334,7 @@ pub(crate) fn loss(
         let (volume, own) = (&volumes[v], &spec.volumes[v]);
         let density = empty(like, [counts[v]]);
         let encoded = volume.encoded.clone();
-        let trunk = Trunk::new(encoded, own, volume, Rows::all(counts[v]), &density);
+        let trunk = TrunkTape::new(encoded, own, volume, Rows::all(counts[v]), &density);
         let view = own.app.inputs() - own.base.outputs();
         let seen = with_views(&trunk.features, &views, view, &layout, v, v * counts[0]);
         let colours = mlp::forward(&seen, &volume.app, &own.app);

@@ -2,7 +2,7 @@
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::gpu::composite::DeviceLayout;
-use crate::gpu::launch::whole;
+use crate::gpu::launch::{copied, whole};
 use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance};
 use crate::{
     AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
@@ -21,10 +21,10 @@ impl KernelOps for CubeBackend {
 
     fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
         let (x, params) = (whole(x), whole(params));
-        match mlp::fits(&spec) {
-            true => mlp::forward(&x, &params, &spec),
-            false => plain_mlp::forward::<Self>(x, &params, &spec),
+        if mlp::fits(&spec) {
+            return mlp::forward(&x, &params, &spec);
         }
+        plain_mlp::forward::<Self>(x, &params, &spec)
     }
 
     fn mlp_again(_: Primitive, _: Primitive, out: Primitive, _: MlpSpec) -> Primitive {
@@ -45,23 +45,16 @@ impl KernelOps for CubeBackend {
     }
 
     fn adam(state: AdamState<Self>, grad: Primitive, step: AdamStep) -> AdamState<Self> {
-        let AdamState {
-            param,
-            first,
-            second,
-        } = state;
         // What somebody else holds must stay as it is.
-        let own = [param, first, second].map(|tensor| match tensor.handle.can_mut() {
-            true => whole(tensor),
-            false => crate::gpu::launch::copied(&tensor),
+        let own = state.into_array().map(|tensor| {
+            if tensor.handle.can_mut() {
+                whole(tensor)
+            } else {
+                copied(&tensor)
+            }
         });
         adam::update(own.each_ref(), &whole(grad), &step);
-        let [param, first, second] = own;
-        AdamState {
-            param,
-            first,
-            second,
-        }
+        AdamState::from_array(own)
     }
 }
 

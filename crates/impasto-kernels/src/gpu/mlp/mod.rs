@@ -13,7 +13,7 @@ use crate::MlpSpec;
 use backward::layer_backward;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
-use forward::{Quad, layer_forward, new_tile, read_rows, write_rows};
+use forward::{Quad, Tile, layer_forward, new_tile, read_rows, write_rows};
 use plan::{TilePlan, TileShape, layer_at};
 
 /// Most cubes of a pass that keeps activations or sums: enough to fill a large device.
@@ -71,6 +71,44 @@ impl PackedLayers {
     }
 }
 
+/// All layers, see [`layer_forward`].
+#[cube]
+fn all_forward(
+    params: &[f32],
+    table: &[u32],
+    packed: &[Quad],
+    tile: &mut Tile,
+    kept: &mut [Quad],
+    kept_at: usize,
+    layers: u32,
+    #[comptime] keep: bool,
+    #[comptime] shape: TileShape,
+) {
+    for l in 0..layers as usize {
+        let layer = layer_at(table, l);
+        layer_forward(params, packed, tile, kept, kept_at, &layer, keep, shape);
+    }
+}
+
+/// All layers back, last to first, see [`layer_backward`].
+#[cube]
+fn all_backward(
+    table: &[u32],
+    packed: &[Quad],
+    tile: &mut Tile,
+    kept: &mut [Quad],
+    kept_at: usize,
+    sums: &mut [f32],
+    sums_at: usize,
+    layers: u32,
+    #[comptime] shape: TileShape,
+) {
+    for back in 0..layers as usize {
+        let layer = layer_at(table, layers as usize - 1 - back);
+        layer_backward(packed, tile, kept, kept_at, sums, sums_at, &layer, shape);
+    }
+}
+
 #[cube(launch_unchecked)]
 #[allow(
     clippy::too_many_arguments,
@@ -101,12 +139,9 @@ fn forward_kernel(
         let first_row = start + index as usize * comptime!(shape.rows());
         read_rows(x, &mut tile.from, first_row, rows, inputs as usize, quads);
         sync_cube();
-        for l in 0..layers as usize {
-            let layer = layer_at(table, l);
-            layer_forward(
-                params, packed, &mut tile, kept, kept_at, &layer, false, shape,
-            );
-        }
+        all_forward(
+            params, table, packed, &mut tile, kept, kept_at, layers, false, shape,
+        );
         write_rows(&tile.from, out, first_row, rows, outputs as usize, quads);
         sync_cube();
     }
@@ -134,9 +169,10 @@ pub(crate) fn forward_into(
     let plan = TilePlan::of(spec);
     let tiles = plan.tiles(rows.most());
     // Only residual blocks keep anything here.
-    let (cubes, kept) = match spec.blocks().is_empty() {
-        true => (tiles.min(MOST_CUBES), 4),
-        false => (tiles.min(CUBES), plan.kept(tiles.min(CUBES))),
+    let (cubes, kept) = if spec.blocks().is_empty() {
+        (tiles.min(MOST_CUBES), 4)
+    } else {
+        (tiles.min(CUBES), plan.kept(tiles.min(CUBES)))
     };
     let packed = PackedLayers::new(params, &plan);
     let (bounds, bound, most) = rows.arguments(x);
@@ -209,12 +245,9 @@ fn backward_kernel(
         let first_row = start + index as usize * comptime!(shape.rows());
         read_rows(x, &mut tile.from, first_row, rows, inputs as usize, quads);
         sync_cube();
-        for l in 0..layers as usize {
-            let layer = layer_at(table, l);
-            layer_forward(
-                params, packed, &mut tile, kept, kept_at, &layer, true, shape,
-            );
-        }
+        all_forward(
+            params, table, packed, &mut tile, kept, kept_at, layers, true, shape,
+        );
         read_rows(
             grad,
             &mut tile.from,
@@ -224,12 +257,9 @@ fn backward_kernel(
             quads,
         );
         sync_storage();
-        for back in 0..layers as usize {
-            let layer = layer_at(table, layers as usize - 1 - back);
-            layer_backward(
-                packed, &mut tile, kept, kept_at, sums, sums_at, &layer, shape,
-            );
-        }
+        all_backward(
+            table, packed, &mut tile, kept, kept_at, sums, sums_at, layers, shape,
+        );
         if need_input {
             write_rows(
                 &tile.from,

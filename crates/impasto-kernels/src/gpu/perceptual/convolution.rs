@@ -120,6 +120,28 @@ fn load_pixels(
     }
 }
 
+/// Leaves in `taken` a tap's filters of the cube's outputs, from input channel `first` on.
+#[cube]
+fn load_filters(
+    filters: &[Quad],
+    taken: &mut Shared<[Quad]>,
+    first_output: usize,
+    first: usize,
+    tap: usize,
+    #[comptime] mode: Mode,
+) {
+    let inputs = comptime!(mode.inputs);
+    let output_quads = comptime!(mode.outputs.div_ceil(4));
+    for i in range_stepped(UNIT_POS as usize, comptime!(DEPTH * OUTPUTS), UNITS) {
+        let (channel, quad) = (first + i / OUTPUTS, first_output + i % OUTPUTS);
+        let mut value = Quad::new(0.0);
+        if channel < inputs && quad < output_quads {
+            value = filters[(tap * inputs + channel) * output_quads + quad];
+        }
+        taken[i] = value;
+    }
+}
+
 #[cube(launch_unchecked)]
 #[allow(
     clippy::too_many_arguments,
@@ -136,7 +158,6 @@ fn convolve_kernel(
     #[comptime] mode: Mode,
 ) {
     let inputs = comptime!(mode.inputs);
-    let output_quads = comptime!(mode.outputs.div_ceil(4));
     let wide = width as usize + comptime!(2 * mode.wider);
     let pixels = wide * (height as usize + comptime!(2 * mode.wider));
     let first_pixel = CUBE_POS_X as usize * comptime!(4 * PIXELS);
@@ -162,14 +183,7 @@ fn convolve_kernel(
                 width,
                 mode,
             );
-            for i in range_stepped(unit, comptime!(DEPTH * OUTPUTS), UNITS) {
-                let (channel, quad) = (first + i / OUTPUTS, first_output + i % OUTPUTS);
-                let mut value = Quad::new(0.0);
-                if channel < inputs && quad < output_quads {
-                    value = filters[(tap * inputs + channel) * output_quads + quad];
-                }
-                taken[i] = value;
-            }
+            load_filters(filters, &mut taken, first_output, first, tap, mode);
             sync_cube();
             for k in 0..DEPTH {
                 let x = around[k * PIXELS + own_pixel];
