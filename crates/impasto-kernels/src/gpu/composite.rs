@@ -187,10 +187,6 @@ fn sweep(
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn backward_kernel(
     sigma: &[f32],
     colours: &[f32],

@@ -455,10 +455,6 @@ fn cut(
 
 /// Second walk: the samples.
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn place_kernel(
     rays: &[f32],
     inner: &[u32],

@@ -103,10 +103,6 @@ fn gather(
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn weigh_kernel(
     sigma: &[f32],
     spans: &[u32],

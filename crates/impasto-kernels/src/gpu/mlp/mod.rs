@@ -110,10 +110,6 @@ fn all_backward(
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn forward_kernel(
     x: &[f32],
     params: &[f32],
@@ -210,10 +206,6 @@ fn clear(numbers: &mut [f32], first: usize, count: usize) {
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn backward_kernel(
     x: &[f32],
     params: &[f32],

@@ -143,10 +143,6 @@ fn load_filters(
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn convolve_kernel(
     input: &[f32],
     mask: &[f32],

@@ -57,10 +57,6 @@ pub(super) fn pool(input: &CubeTensor, from: Size, to: Size, channels: usize) ->
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn pool_backward_kernel(
     input: &[f32],
     pooled: &[f32],

@@ -100,10 +100,6 @@ pub(super) fn of(image: &CubeTensor, size: Size, channels: usize) -> CubeTensor 
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn backward_kernel(
     image: &[f32],
     own: &[f32],
