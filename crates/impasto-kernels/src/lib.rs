@@ -1,7 +1,8 @@
 //! Differentiable operations that a general tensor library cannot do fast.
 //!
 //! Two layers:
-//! - [`cpu`] holds plain functions over `f32` slices. Each has a slow, obvious twin in its tests.
+//! - [`cpu`] holds plain functions over `f32` slices, `gpu` (with that feature) their namesakes for
+//!   GPUs. Each has a slow, obvious twin in its tests.
 //! - [`ops`] registers them with burn, forward and backward, so that they take part in autodiff
 //!   like any built-in operation and run on whatever [`burn::tensor::Device`] is chosen.
 //!

@@ -136,7 +136,7 @@ impl DensityGrids {
         }
     }
 
-    /// Takes note of the densities of samples, `[n]`, until the next [`Self::settle`].
+    /// Takes note of the densities of samples, `[n]`, until the next [`Self::update`].
     pub fn observe(&self, samples: &RaySamples, densities: &Tensor<1>) {
         let densities = primitive(densities.clone());
         for (v, cells) in self.cells.iter().enumerate() {

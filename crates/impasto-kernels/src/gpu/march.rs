@@ -23,9 +23,9 @@ pub struct MarchSpec {
     pub samples: usize,
     /// Weight of spreading them evenly, where sending them to expected light has weight 1.
     pub uniform_fraction: f32,
-    /// Distance between two looks at the inner grid.
+    /// Length of a step through the inner grid.
     pub inner_step: f32,
-    /// Looks at the outer grid, equal steps of inverse radius.
+    /// Steps through the outer grid, equal in inverse radius.
     pub outer_steps: usize,
     /// Depth before which nothing is sampled.
     pub near: f32,

@@ -135,7 +135,7 @@ fn read_layers(path: &Path, bytes: &[u8]) -> Result<Vec<LayerWeights>, StyleErro
 }
 
 impl Perceptual {
-    /// The normalised VGG-19 in a file that [`normalise`](crate::weights::normalise) made: borders are mirrored and pools keep
+    /// The normalised VGG-19 in a file that [`normalise`](fn@crate::weights::normalise) made: borders are mirrored and pools keep
     /// odd ends, as style-transfer programs have it. Statistics are of relu1_1, relu2_1, relu3_1
     /// and relu4_1, content is relu4_1; images have at least 9 pixels a side.
     ///
