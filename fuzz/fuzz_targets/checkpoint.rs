@@ -4,11 +4,11 @@
 
 use std::io::Cursor;
 
-use impasto_fuzz::{Checkpoint, check_message};
+use impasto_fuzz::{WeightsFile, check_message};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let mut checkpoint = match Checkpoint::read("input", Cursor::new(bytes.to_vec())) {
+    let mut checkpoint = match WeightsFile::read("input", Cursor::new(bytes.to_vec())) {
         Ok(checkpoint) => checkpoint,
         Err(error) => return check_message(&error),
     };

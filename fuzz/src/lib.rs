@@ -10,7 +10,7 @@ pub mod tensors;
 mod weights;
 
 pub use scene::check_message;
-pub use weights::checkpoint::Checkpoint;
+pub use weights::file::WeightsFile;
 pub use weights::tensors::{TensorFile, write_f16};
 
 use std::io;
@@ -44,4 +44,13 @@ pub enum StyleError {
         /// The system's reason.
         source: io::Error,
     },
+}
+
+impl StyleError {
+    fn weights(file: &str, reason: impl Into<String>) -> Self {
+        Self::Weights {
+            file: file.to_owned(),
+            reason: reason.into(),
+        }
+    }
 }

@@ -1,8 +1,8 @@
 //! impasto-style's readers of weight files, compiled from their sources: they need no tensor
 //! library, whose instrumented build would take many minutes.
 
-#[path = "../../crates/impasto-style/src/weights/checkpoint.rs"]
-pub mod checkpoint;
+#[path = "../../crates/impasto-style/src/weights/file.rs"]
+pub mod file;
 #[path = "../../crates/impasto-style/src/weights/number.rs"]
 mod number;
 #[path = "../../crates/impasto-style/src/weights/pickle/mod.rs"]

@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use impasto::paintings::Recipe;
 use impasto::{Device, Model, is_cpu};
-use impasto_bench::{Report, run as measure, run_on};
+use impasto_bench::{BenchReport, run as measure, run_on};
 use serde_json::json;
 
 use super::device::DeviceArgs;
@@ -93,7 +93,7 @@ fn fastest<R>(mut f: impl FnMut() -> R) -> f64 {
     times.fold(f64::INFINITY, f64::min)
 }
 
-fn table(report: &Report) -> String {
+fn table(report: &BenchReport) -> String {
     let mut text = format!(
         "{}, peak {:.0} GFLOP/s\n{:56}{:>9}{:>10}{:>9}{:>6}{:>10}{:>8}",
         match &report.device {

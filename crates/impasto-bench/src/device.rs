@@ -1,11 +1,10 @@
 //! Times of the same kernels on a device other than the CPU: launched many times in a row, since a
 //! single launch measures the way there and back.
 
-use crate::{
-    PATCH, Report, Timing, VGG, layout, macs, numbers, points, spec_of, stack, tensor, timing,
-};
+use crate::cases::*;
+use crate::report::{BenchReport, Timing};
 use burn::tensor::{Device, Tensor};
-use impasto_kernels::{Activation, HashGridSpec, MlpSpec, ops};
+use impasto_kernels::{Activation, MlpSpec, ops};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -38,8 +37,8 @@ fn fastest<R>(device: &Device, mut f: impl FnMut() -> R) -> f64 {
     best
 }
 
-/// Measures the kernels on a device of this name.
-pub(crate) fn run(device: &Device, name: &str) -> Report {
+/// Measures the kernels on a GPU of this name; takes some seconds.
+pub fn run_on(device: &Device, name: &str) -> BenchReport {
     let peak = peak(device);
     let mut kernels = perceptual(device).to_vec();
     for widths in [
@@ -51,15 +50,7 @@ pub(crate) fn run(device: &Device, name: &str) -> Report {
     }
     kernels.extend(grid(device));
     kernels.push(compositing(device));
-    for kernel in &mut kernels {
-        kernel.share_of_peak = kernel.gflops.map(|g| g / peak);
-    }
-    Report {
-        machine: crate::Machine::this(),
-        device: Some(name.into()),
-        peak_gflops: peak,
-        kernels,
-    }
+    BenchReport::new(Some(name), peak, kernels)
 }
 
 /// What the tensor library's product of large matrices reaches.
@@ -71,7 +62,7 @@ fn peak(device: &Device) -> f64 {
 }
 
 fn perceptual(device: &Device) -> [Timing; 2] {
-    let ([height, width], stack) = (PATCH, Arc::new(stack()));
+    let ([height, width], stack) = (PATCH, Arc::new(stack(&vgg_weights())));
     let numbers = numbers(height * width * 3, 0.5);
     let image: Tensor<3> = tensor(numbers.clone(), [height, width, 3], device);
     let forward = fastest(device, || {
@@ -82,13 +73,7 @@ fn perceptual(device: &Device) -> [Timing; 2] {
         let image = image.clone().require_grad();
         ops::perceptual(image, Arc::clone(&stack)).sum().backward()
     });
-    let flops = crate::vgg_flops(&VGG, PATCH);
-    let name = |what: &str| format!("VGG-16 to relu4_1 on {height}×{width}, {what}");
-    let pixels = height * width;
-    [
-        timing(name("forward + backward"), both, pixels, Some(2.0 * flops)),
-        timing(name("forward"), forward, pixels, Some(flops)),
-    ]
+    perceptual_timings(both, forward)
 }
 
 fn small_mlp(widths: &[usize], device: &Device) -> Timing {
@@ -104,17 +89,11 @@ fn small_mlp(widths: &[usize], device: &Device) -> Timing {
         let (x, params) = (x.clone().require_grad(), params.clone().require_grad());
         ops::mlp(x, params, &spec).sum().backward()
     });
-    let name = crate::mlp_name(widths);
-    timing(
-        name,
-        seconds,
-        ROWS,
-        Some(6.0 * (macs(widths) * ROWS) as f64),
-    )
+    mlp_timing(widths, ROWS, seconds)
 }
 
 fn grid(device: &Device) -> [Timing; 2] {
-    let spec: HashGridSpec = spec_of(4, 16);
+    let spec = grid_spec(4, 16);
     let points: Tensor<2> = tensor(points(ROWS), [ROWS, 3], device);
     let table = numbers(spec.params(), 0.1);
     let plain: Tensor<1> = tensor(table.clone(), [spec.params()], device);
@@ -129,25 +108,20 @@ fn grid(device: &Device) -> [Timing; 2] {
             .sum()
             .backward()
     });
-    let name = |what: &str| format!("hash grid 8×4, 2^16 entries, {what}");
-    [
-        timing(name("forward"), forward, ROWS, None),
-        timing(name("forward + backward"), both, ROWS, None),
-    ]
+    [("forward", forward), ("forward + backward", both)]
+        .map(|(what, seconds)| grid_timing(&spec, what, ROWS, seconds))
 }
 
 fn compositing(device: &Device) -> Timing {
-    let (rays, per_ray) = (PATCH[0] * PATCH[1], 64);
-    let (count, layout) = (rays * per_ray, Arc::new(layout(rays, per_ray)));
+    let (count, layout) = (RAYS * PER_RAY, Arc::new(layout()));
     let tracked = device.clone().autodiff();
-    let sigma = numbers(count, 3.0).into_iter().map(f32::abs).collect();
+    let (sigma, colours) = samples();
     let sigma: Tensor<1> = tensor(sigma, [count], &tracked);
-    let colours: Tensor<2> = tensor(numbers(count * 3, 1.0), [count, 3], &tracked);
+    let colours: Tensor<2> = tensor(colours, [count, 3], &tracked);
     let seconds = fastest(device, || {
         let (sigma, colours) = (sigma.clone().require_grad(), colours.clone().require_grad());
         let out = ops::composite(sigma, colours, Arc::clone(&layout));
         out.sum().backward()
     });
-    let name = format!("compositing {rays}×{per_ray} forward + backward");
-    timing(name, seconds, count, None)
+    composite_timing(seconds)
 }

@@ -1,6 +1,6 @@
 //! The same computations in plain operations of the tensor library, for comparison.
 
-use crate::tensor;
+use crate::cases::tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module::{conv2d, max_pool2d};
 use burn::tensor::ops::{ConvOptions, MaxPoolOptions};
@@ -21,11 +21,8 @@ pub(crate) fn perceptual(
         .zip(weights)
         .map(|((inputs, outputs, pool), weight)| {
             let weight: Tensor<4> = tensor(weight.clone(), [*outputs, *inputs, 3, 3], &device);
-            (
-                weight,
-                tensor(vec![0.01; *outputs], [*outputs], &device),
-                *pool,
-            )
+            let bias = tensor(vec![0.01; *outputs], [*outputs], &device);
+            (weight, bias, *pool)
         })
         .collect();
     move || {

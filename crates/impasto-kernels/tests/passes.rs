@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use impasto_kernels::cpu::passes::{GeometryPass, Samples, ShadingPass, means};
+use impasto_kernels::cpu::passes::{GeometryPass, ShadingPass, ShadingSamples, means};
 use impasto_kernels::cpu::{hash_grid, mlp};
 use impasto_kernels::{Activation, CompositeLayout, Density, HashGridSpec, MlpSpec};
 
@@ -154,7 +154,7 @@ impl Scene {
 
     fn colours(&self) -> Vec<f32> {
         let app = [0, 1].map(|v| (&self.app[v], &*self.params[v]));
-        ShadingPass::new(app, [FEATURES; 2]).run(&Samples {
+        ShadingPass::new(app, [FEATURES; 2]).run(&ShadingSamples {
             layout: &self.layout,
             densities: &self.densities,
             features: self.features.each_ref().map(Vec::as_slice),

@@ -1,3 +1,6 @@
+//! Why style data could not be used.
+
+use crate::Network;
 use std::io;
 use std::path::PathBuf;
 
@@ -37,9 +40,9 @@ pub enum StyleError {
     )]
     OtherNetwork {
         /// What it was made for.
-        found: crate::Network,
+        found: Network,
         /// What it is to be used with.
-        wanted: crate::Network,
+        wanted: Network,
     },
     /// Nowhere to keep weights.
     #[error("no folder for weights is known; set IMPASTO_WEIGHTS to one")]
@@ -56,4 +59,14 @@ pub enum StyleError {
         /// What is needed.
         least: usize,
     },
+}
+
+impl StyleError {
+    /// A weight file, or what stands for one, with unexpected content.
+    pub(crate) fn weights(file: &str, reason: impl Into<String>) -> Self {
+        Self::Weights {
+            file: file.to_owned(),
+            reason: reason.into(),
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! The hypernetwork Ψ (PAPER §6): one small MLP per predicted layer of `app`.
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use impasto_kernels::{Activation, LayerSpec, MlpSpec, ops};
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -8,19 +8,19 @@ use rand_pcg::Pcg64;
 /// Sizes of the hypernetwork of one `app`.
 #[derive(Debug, Clone)]
 pub struct Hypernetwork {
-    layers: Vec<Source>,
+    layers: Vec<LayerSource>,
 }
 
 /// Where the weights of a layer of `app` come from.
 #[derive(Debug, Clone)]
-enum Source {
+enum LayerSource {
     /// A network of its own predicts them from the style code.
     Predicted(MlpSpec),
     /// They are learned, the same for all styles.
     Shared(LayerSpec),
 }
 
-impl Source {
+impl LayerSource {
     fn params(&self) -> usize {
         match self {
             Self::Predicted(spec) => spec.params(),
@@ -49,10 +49,10 @@ impl Hypernetwork {
         let shared = app.len().saturating_sub(predicted);
         let layers = app.into_iter().enumerate().map(|(i, layer)| {
             if i < shared {
-                return Source::Shared(*layer);
+                return LayerSource::Shared(*layer);
             }
             let widths = [code, hidden, hidden, layer.params()];
-            Source::Predicted(MlpSpec::relu(&widths, false, Activation::Linear))
+            LayerSource::Predicted(MlpSpec::relu(&widths, false, Activation::Linear))
         });
         Self {
             layers: layers.collect(),
@@ -61,7 +61,7 @@ impl Hypernetwork {
 
     /// Lengths of the weight vectors.
     pub fn lengths(&self) -> Vec<usize> {
-        self.layers.iter().map(Source::params).collect()
+        self.layers.iter().map(LayerSource::params).collect()
     }
 
     /// Kaiming-normal weights (fan-in), the last layer's of a predicting network times 0.1; biases
@@ -71,8 +71,8 @@ impl Hypernetwork {
         for source in &self.layers {
             let mut flat = Vec::with_capacity(source.params());
             match source {
-                Source::Shared(layer) => first_weights(layer, 1.0, rng, &mut flat),
-                Source::Predicted(spec) => {
+                LayerSource::Shared(layer) => first_weights(layer, 1.0, rng, &mut flat),
+                LayerSource::Predicted(spec) => {
                     let last = spec.layers().len() - 1;
                     for (i, layer) in spec.layers().iter().enumerate() {
                         let scale = if i == last { LAST_SCALE } else { 1.0 };
@@ -80,8 +80,7 @@ impl Hypernetwork {
                     }
                 }
             }
-            let length = flat.len();
-            vectors.push(Tensor::from_data(TensorData::new(flat, [length]), device));
+            vectors.push(Tensor::from_data(flat.as_slice(), device));
         }
         HypernetworkWeights(vectors)
     }
@@ -93,8 +92,8 @@ impl Hypernetwork {
     pub fn predict(&self, weights: &HypernetworkWeights, code: &Tensor<2>) -> Tensor<1> {
         let layers = self.layers.iter().zip(&weights.0);
         let parts = layers.map(|(source, w)| match source {
-            Source::Predicted(spec) => ops::mlp(code.clone(), w.clone(), spec).squeeze_dim(0),
-            Source::Shared(_) => w.clone(),
+            LayerSource::Predicted(spec) => ops::mlp(code.clone(), w.clone(), spec).squeeze_dim(0),
+            LayerSource::Shared(_) => w.clone(),
         });
         Tensor::cat(parts.collect(), 0)
     }

@@ -5,8 +5,6 @@
 use crate::{StyleError, TensorFile};
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::{ConvLayer, FeatureMap, PerceptualStack, ops};
-use serde::{Deserialize, Serialize};
-use std::fmt;
 use std::sync::Arc;
 
 pub(crate) const VGG16_FILE: &str = "vgg16_conv1_1_to_conv4_1_f16.safetensors";
@@ -90,44 +88,6 @@ pub struct Features {
     pub statistics: Statistics,
 }
 
-/// Which perceptual network: what styles and contents are measured with.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Network {
-    /// VGG-16, shipped.
-    #[default]
-    Vgg16,
-    /// VGG-19 (the paper's), which users install.
-    Vgg19,
-}
-
-impl Network {
-    /// Reads its weights.
-    ///
-    /// # Errors
-    /// If an asset is damaged, or VGG-19 is not installed.
-    pub fn load(self) -> Result<Perceptual, StyleError> {
-        match self {
-            Self::Vgg16 => Perceptual::vgg16(),
-            Self::Vgg19 => Perceptual::vgg19_installed(),
-        }
-    }
-
-    /// The number in its name.
-    pub(crate) fn number(self) -> f32 {
-        match self {
-            Self::Vgg16 => 16.0,
-            Self::Vgg19 => 19.0,
-        }
-    }
-}
-
-impl fmt::Display for Network {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "vgg{}", self.number())
-    }
-}
-
 /// The perceptual network. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Perceptual {
@@ -141,25 +101,14 @@ impl Perceptual {
     /// If an asset is damaged.
     pub fn vgg16() -> Result<Self, StyleError> {
         let means = TensorFile::open(MEANS_FILE, MEANS)?;
-        Self::with_means(|layer| means.floats(layer))
-    }
-
-    fn with_means(
-        means: impl Fn(&str) -> Result<Vec<f32>, StyleError>,
-    ) -> Result<Self, StyleError> {
         let file = TensorFile::open(VGG16_FILE, VGG16)?;
         let mut inputs = vec![1.0f32; 3];
         let mut layers = Vec::with_capacity(LAYERS.len());
         for (name, pool_before, statistics) in LAYERS {
-            let mut bias = file.floats(&format!("{name}.bias"))?;
-            let mut weight =
-                file.floats_of(&format!("{name}.weight"), bias.len() * inputs.len() * 9)?;
-            let mut scale = means(name)?;
+            let (mut weight, mut bias) = filters(&file, name, inputs.len())?;
+            let mut scale = means.floats(name)?;
             scale.resize(bias.len(), 1.0);
             scale.iter_mut().for_each(|m| *m = m.max(LEAST_MEAN));
-            if name == "conv1_1" {
-                reverse_channels(&mut weight);
-            }
             rescale(&mut weight, &mut bias, &inputs, &scale);
             layers.push(ConvLayer::new(&weight, bias, pool_before, statistics));
             inputs = scale;
@@ -182,26 +131,22 @@ impl Perceptual {
     /// If the asset is damaged.
     pub fn raw_prefixes() -> Result<Vec<(&'static str, PerceptualStack)>, StyleError> {
         let file = TensorFile::open(VGG16_FILE, VGG16)?;
-        (1..=LAYERS.len())
-            .map(|count| {
-                let layers = LAYERS[..count]
-                    .iter()
-                    .enumerate()
-                    .map(|(i, (name, pool_before, _))| {
-                        let mut weight = file.floats(&format!("{name}.weight"))?;
-                        if i == 0 {
-                            reverse_channels(&mut weight);
-                        }
-                        let bias = file.floats(&format!("{name}.bias"))?;
-                        Ok(ConvLayer::new(&weight, bias, *pool_before, i + 1 == count))
-                    })
-                    .collect::<Result<Vec<_>, StyleError>>()?;
-                Ok((
-                    LAYERS[count - 1].0,
-                    PerceptualStack::new(layers, 255.0, MEAN_COLOUR),
-                ))
-            })
-            .collect()
+        let mut inputs = 3;
+        let mut all = Vec::with_capacity(LAYERS.len());
+        for (name, ..) in LAYERS {
+            let (weight, bias) = filters(&file, name, inputs)?;
+            inputs = bias.len();
+            all.push((weight, bias));
+        }
+        let prefix = |count: usize| {
+            let layers = LAYERS.iter().zip(&all).take(count).enumerate();
+            let layers = layers.map(|(i, ((_, pool_before, _), (weight, bias)))| {
+                ConvLayer::new(weight, bias.clone(), *pool_before, i + 1 == count)
+            });
+            let stack = PerceptualStack::new(layers.collect(), 255.0, MEAN_COLOUR);
+            (LAYERS[count - 1].0, stack)
+        };
+        Ok((1..=LAYERS.len()).map(prefix).collect())
     }
 
     /// Numbers of the content feature of an image.
@@ -253,24 +198,9 @@ impl Perceptual {
 
     fn check(&self, image: &[f32], height: usize, width: usize) -> Result<(), StyleError> {
         // Of an image of another length than it says nothing can be seen.
-        let height = if image.len() == height * width * 3 {
-            height
-        } else {
-            0
-        };
-        self.check_size(height, width)
-    }
-
-    fn check_size(&self, height: usize, width: usize) -> Result<(), StyleError> {
-        let least = self.stack.smallest();
-        if height.min(width) < least {
-            return Err(StyleError::TooSmall {
-                width,
-                height,
-                least,
-            });
-        }
-        Ok(())
+        let whole = image.len() == height * width * 3;
+        let height = if whole { height } else { 0 };
+        check_size(&self.stack, height, width)
     }
 
     /// [`Perceptual::features`] of an image that stays where it is: content feature and statistics.
@@ -282,7 +212,7 @@ impl Perceptual {
     /// As of [`Perceptual::features`].
     pub fn features_of(&self, image: Tensor<3>) -> Result<[Tensor<1>; 2], StyleError> {
         let [height, width, _] = image.dims();
-        self.check_size(height, width)?;
+        check_size(&self.stack, height, width)?;
         let split = self.content_len(height, width);
         let all = self.traced(image);
         Ok([0..split, split..split + Statistics::LEN].map(|part| all.clone().slice(part)))
@@ -295,6 +225,37 @@ impl Perceptual {
     pub fn traced(&self, image: Tensor<3>) -> Tensor<1> {
         ops::perceptual(image, Arc::clone(&self.stack))
     }
+}
+
+/// Refuses images in which a convolution of the stack would see nothing.
+pub(crate) fn check_size(
+    stack: &PerceptualStack,
+    height: usize,
+    width: usize,
+) -> Result<(), StyleError> {
+    let least = stack.smallest();
+    if height.min(width) < least {
+        return Err(StyleError::TooSmall {
+            width,
+            height,
+            least,
+        });
+    }
+    Ok(())
+}
+
+/// Weight and bias of a layer of VGG-16 that takes so many channels.
+fn filters(
+    file: &TensorFile<'_>,
+    layer: &str,
+    inputs: usize,
+) -> Result<(Vec<f32>, Vec<f32>), StyleError> {
+    let bias = file.floats(&format!("{layer}.bias"))?;
+    let mut weight = file.floats_of(&format!("{layer}.weight"), bias.len() * inputs * 9)?;
+    if layer == "conv1_1" {
+        reverse_channels(&mut weight);
+    }
+    Ok((weight, bias))
 }
 
 /// Mean over pixels of the squared difference of their features' directions.

@@ -1,9 +1,11 @@
 //! Reading and writing named tensors as safetensors.
 
 use crate::StyleError;
+use crate::weights::number::Number;
 use half::f16;
 use safetensors::tensor::{Dtype, TensorView};
-use safetensors::{SafeTensors, serialize};
+use safetensors::{SafeTensorError, SafeTensors, serialize};
+use std::collections::HashMap;
 
 /// An opened safetensors buffer, with errors that name the file.
 pub struct TensorFile<'a> {
@@ -17,18 +19,11 @@ impl<'a> TensorFile<'a> {
     /// # Errors
     /// If the buffer is no safetensors file.
     pub fn open(name: &'a str, bytes: &'a [u8]) -> Result<Self, StyleError> {
-        let tensors = SafeTensors::deserialize(bytes).map_err(|e| StyleError::Weights {
-            file: name.to_owned(),
-            reason: format!("is not a whole safetensors file ({e}); copy it again"),
+        let tensors = SafeTensors::deserialize(bytes).map_err(|e| {
+            let reason = format!("is not a whole safetensors file ({e}); copy it again");
+            StyleError::weights(name, reason)
         })?;
         Ok(Self { name, tensors })
-    }
-
-    fn fault(&self, reason: String) -> StyleError {
-        StyleError::Weights {
-            file: self.name.to_owned(),
-            reason,
-        }
     }
 
     /// Whether there is a tensor of that name.
@@ -41,29 +36,19 @@ impl<'a> TensorFile<'a> {
     /// # Errors
     /// If it is absent or of another type.
     pub fn floats(&self, key: &str) -> Result<Vec<f32>, StyleError> {
-        let tensor = self
-            .tensors
-            .tensor(key)
-            .map_err(|_| self.fault(format!("has no tensor \"{key}\"")))?;
-        match tensor.dtype() {
-            Dtype::F32 => Ok(tensor
-                .data()
-                .as_chunks::<4>()
-                .0
-                .iter()
-                .map(|b| f32::from_le_bytes(*b))
-                .collect()),
-            Dtype::F16 => Ok(tensor
-                .data()
-                .as_chunks::<2>()
-                .0
-                .iter()
-                .map(|b| f16::from_le_bytes(*b).to_f32())
-                .collect()),
-            other => Err(self.fault(format!(
-                "stores \"{key}\" as {other:?}, f32 or f16 was expected"
-            ))),
-        }
+        let fault = |reason| StyleError::weights(self.name, reason);
+        let tensor = self.tensors.tensor(key);
+        let tensor = tensor.map_err(|_| fault(format!("has no tensor \"{key}\"")))?;
+        let number = match tensor.dtype() {
+            Dtype::F32 => Number::F32,
+            Dtype::F16 => Number::F16,
+            other => {
+                return Err(fault(format!(
+                    "stores \"{key}\" as {other:?}, f32 or f16 was expected"
+                )));
+            }
+        };
+        Ok(number.decode(tensor.data()))
     }
 
     /// Like [`TensorFile::floats`], of a known length.
@@ -73,14 +58,39 @@ impl<'a> TensorFile<'a> {
     pub fn floats_of(&self, key: &str, length: usize) -> Result<Vec<f32>, StyleError> {
         let floats = self.floats(key)?;
         if floats.len() == length {
-            Ok(floats)
-        } else {
-            Err(self.fault(format!(
-                "has {} numbers in \"{key}\", {length} were expected",
-                floats.len()
-            )))
+            return Ok(floats);
         }
+        let reason = format!(
+            "has {} numbers in \"{key}\", {length} were expected",
+            floats.len()
+        );
+        Err(StyleError::weights(self.name, reason))
     }
+}
+
+/// A tensor to be stored.
+pub(crate) struct HalfTensor {
+    pub name: String,
+    pub shape: Vec<usize>,
+    pub numbers: Vec<f16>,
+}
+
+/// The safetensors file of some tensors.
+pub(crate) fn serialise(
+    tensors: &[HalfTensor],
+    metadata: Option<HashMap<String, String>>,
+) -> Result<Vec<u8>, SafeTensorError> {
+    let bytes = |tensor: &HalfTensor| -> Vec<u8> {
+        let numbers = tensor.numbers.iter();
+        numbers.flat_map(|v| v.to_le_bytes()).collect()
+    };
+    let bytes: Vec<Vec<u8>> = tensors.iter().map(bytes).collect();
+    let views = tensors.iter().zip(&bytes).map(|(tensor, bytes)| {
+        let view = TensorView::new(Dtype::F16, tensor.shape.clone(), bytes)?;
+        Ok((&tensor.name, view))
+    });
+    let views = views.collect::<Result<Vec<_>, SafeTensorError>>()?;
+    serialize(views, metadata)
 }
 
 /// Serialises flat vectors in half precision.
@@ -88,30 +98,11 @@ impl<'a> TensorFile<'a> {
 /// # Errors
 /// If safetensors refuses them.
 pub fn write_f16(tensors: &[(&str, &[f32])]) -> Result<Vec<u8>, StyleError> {
-    let fault = |e: safetensors::SafeTensorError| StyleError::Weights {
-        file: "output".into(),
-        reason: e.to_string(),
-    };
-    let bytes: Vec<(&str, Vec<u8>, usize)> = tensors
-        .iter()
-        .map(|(name, data)| {
-            (
-                *name,
-                data.iter()
-                    .flat_map(|v| f16::from_f32(*v).to_le_bytes())
-                    .collect(),
-                data.len(),
-            )
-        })
-        .collect();
-    let views = bytes
-        .iter()
-        .map(|(name, bytes, length)| {
-            Ok((
-                *name,
-                TensorView::new(Dtype::F16, vec![*length], bytes).map_err(fault)?,
-            ))
-        })
-        .collect::<Result<Vec<_>, StyleError>>()?;
-    serialize(views, None).map_err(fault)
+    let tensors = tensors.iter().map(|(name, data)| HalfTensor {
+        name: (*name).to_owned(),
+        shape: vec![data.len()],
+        numbers: data.iter().map(|v| f16::from_f32(*v)).collect(),
+    });
+    serialise(&tensors.collect::<Vec<_>>(), None)
+        .map_err(|e| StyleError::weights("output", e.to_string()))
 }

@@ -1,6 +1,7 @@
 //! The style-VAE (PAPER §5): a painting's statistics to a code, and back.
 
-use crate::perceptual::{Network, Statistics};
+use crate::Network;
+use crate::perceptual::Statistics;
 use crate::{StyleError, TensorFile, write_f16};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_kernels::{Activation, MlpSpec, cpu};
@@ -122,10 +123,7 @@ impl StyleVae {
     /// # Errors
     /// If a tensor is missing, has another length, or holds what no number can be divided by.
     pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, StyleError> {
-        let fault = |reason: String| StyleError::Weights {
-            file: name.to_owned(),
-            reason,
-        };
+        let fault = |reason: String| StyleError::weights(name, reason);
         let file = TensorFile::open(name, bytes)?;
         let mean = file.floats("mean")?;
         let input = StyleInput::of(mean.len()).ok_or_else(|| {
@@ -137,9 +135,10 @@ impl StyleVae {
             ))
         })?;
         // Older files do not say: there was one network only.
-        let number = match file.has("perceptual") {
-            true => file.floats_of("perceptual", 1)?[0],
-            false => Network::Vgg16.number(),
+        let number = if file.has("perceptual") {
+            file.floats_of("perceptual", 1)?[0]
+        } else {
+            Network::Vgg16.number()
         };
         let network = [Network::Vgg16, Network::Vgg19]
             .into_iter()

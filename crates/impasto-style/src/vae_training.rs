@@ -1,8 +1,9 @@
 //! Training of the style-VAE (PAPER §5).
 
+use crate::Network;
 use crate::components::{Components, principal_components};
 use crate::hypernetwork::normal;
-use crate::perceptual::{Network, Statistics};
+use crate::perceptual::Statistics;
 use crate::vae::{StyleCode, StyleInput, StyleVae, WIDTH, decoder_spec, encoder_spec};
 use burn::tensor::{Device, Tensor, TensorData};
 use impasto_kernels::cpu;
@@ -48,8 +49,8 @@ pub fn train_vae(
     );
     let mut rng = Pcg64::seed_from_u64(training.seed);
     let mut vae = linear_vae(training.input, set, &mut rng, device);
-    let mut params =
-        [&vae.encoder, &vae.decoder].map(|flat| AdamParam::new(vector(flat.clone(), device)));
+    let mut params = [&vae.encoder, &vae.decoder]
+        .map(|flat| AdamParam::new(Tensor::from_data(flat.as_slice(), device)));
     for step in 0..training.steps {
         let batch: Vec<f32> = (0..training.batch)
             .flat_map(|_| vae.standardised(&pick(set, training.mixed, &mut rng)))
@@ -248,9 +249,4 @@ fn gains(vae: &StyleVae, set: &[Statistics]) -> Vec<f32> {
         .max(1e-6);
     gains.iter_mut().for_each(|g| *g /= size);
     gains
-}
-
-fn vector(flat: Vec<f32>, device: &Device) -> Tensor<1> {
-    let length = flat.len();
-    Tensor::from_data(TensorData::new(flat, [length]), device)
 }

@@ -5,7 +5,7 @@ mod torch_files;
 
 use impasto_kernels::{Border, ConvLayer, OddEnd, PerceptualStack};
 use impasto_paintings::{Recipe, paint};
-use impasto_style::weights::{Checkpoint, Form, Scheme, inspect_vgg19, normalise};
+use impasto_style::weights::{FileFormat, Scheme, WeightsFile, inspect_vgg19, normalise};
 use impasto_style::{Perceptual, Statistics, StyleError, picture};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -14,8 +14,8 @@ use std::io::Cursor;
 use std::path::Path;
 use torch_files::*;
 
-fn opened(bytes: &[u8]) -> Result<Checkpoint, StyleError> {
-    Checkpoint::read("net.pth", Cursor::new(bytes.to_vec()))
+fn opened(bytes: &[u8]) -> Result<WeightsFile, StyleError> {
+    WeightsFile::read("net.pth", Cursor::new(bytes.to_vec()))
 }
 
 fn refusal(bytes: &[u8]) -> String {
@@ -50,11 +50,11 @@ fn handful() -> Vec<Saved> {
     tensors
 }
 
-fn forms(tensors: &[Saved]) -> [(Form, Vec<u8>); 3] {
+fn forms(tensors: &[Saved]) -> [(FileFormat, Vec<u8>); 3] {
     [
-        (Form::TorchZip, zip_form(tensors, "archive")),
-        (Form::TorchStream, stream_form(tensors)),
-        (Form::Safetensors, safetensors_form(tensors)),
+        (FileFormat::TorchZip, zip_form(tensors, "archive")),
+        (FileFormat::TorchStream, stream_form(tensors)),
+        (FileFormat::Safetensors, safetensors_form(tensors)),
     ]
 }
 
@@ -63,7 +63,7 @@ fn every_form_reads_back_equal() {
     let tensors = handful();
     for (form, bytes) in forms(&tensors) {
         let mut file = opened(&bytes).unwrap();
-        assert_eq!((file.form(), file.len()), (form, tensors.len()));
+        assert_eq!((file.format(), file.len()), (form, tensors.len()));
         for tensor in &tensors {
             let floats = file.floats(&tensor.name, &tensor.shape).unwrap();
             assert_eq!(floats, tensor.numbers, "{form}: {}", tensor.name);
@@ -152,7 +152,7 @@ fn what_cannot_be_read_is_said_plainly() {
     let mut file = opened(&stream_form(&poisoned)).unwrap();
     let error = file.floats("first.weight", &[4, 3, 2]).unwrap_err();
     assert!(error.to_string().contains("no finite number"), "{error}");
-    let nowhere = Checkpoint::open(Path::new("nowhere.pth")).map(|_| ());
+    let nowhere = WeightsFile::open(Path::new("nowhere.pth")).map(|_| ());
     assert!(
         nowhere
             .unwrap_err()

@@ -7,7 +7,9 @@ use image::RgbImage;
 use impasto::paintings::{Recipe, paint};
 use impasto::scene::builtin::{BuiltinOptions, cameras, render};
 use impasto::scene::file::check_regular;
-use impasto::weights::{Checkpoint, Form, Scheme, VGG19_FILE, inspect_vgg19, normalise, sha256};
+use impasto::weights::{
+    FileFormat, Scheme, VGG19_FILE, WeightsFile, inspect_vgg19, normalise, sha256,
+};
 use serde_json::json;
 
 use crate::cli::{CliError, CommandOutput, console, to_json};
@@ -39,10 +41,10 @@ pub fn install(file: &Path, name: &str, folder: &Path) -> Result<CommandOutput, 
     check_regular(file).map_err(CliError::read(file))?;
     let open = || File::open(file).map_err(CliError::read(file));
     check_named_digest(name, || sha256(open()?).map_err(CliError::read(file)))?;
-    let mut checkpoint = Checkpoint::read(name, open()?)?;
-    let (form, tensors) = (checkpoint.form(), checkpoint.len());
+    let mut checkpoint = WeightsFile::read(name, open()?)?;
+    let (form, tensors) = (checkpoint.format(), checkpoint.len());
     // A copy from another machine's folder is installed as it is.
-    let copied = (form == Form::Safetensors).then(|| inspect_vgg19(file).ok());
+    let copied = (form == FileFormat::Safetensors).then(|| inspect_vgg19(file).ok());
     let (bytes, facts, pictures) = match copied.flatten() {
         Some(facts) => {
             console::note(format_args!("{name}: an installed VGG-19"));

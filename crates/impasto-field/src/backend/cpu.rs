@@ -17,7 +17,7 @@ use crate::volrend::gbuffer::GBuffer;
 use crate::volrend::weights::{median_depth, pruned, visibility_mask};
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::cpu::composite;
-use impasto_kernels::cpu::passes::{self, GeometryPass, ShadingPass};
+use impasto_kernels::cpu::passes::{GeometryPass, ShadingPass, ShadingSamples};
 use impasto_kernels::ops::OnHost;
 use impasto_kernels::{HashGridSpec, MlpSpec, OccupancySpec};
 use std::sync::Arc;
@@ -177,7 +177,7 @@ impl Backend for Cpu<'_> {
             .map(|(spec, weights)| (spec, &weights[..]));
         let encoded = |bands| frequencies(&evaluated.samples.views, 3, bands);
         let [inner, outer] = &evaluated.features;
-        let colours = ShadingPass::new(app, self.field.features()).run(&passes::Samples {
+        let colours = ShadingPass::new(app, self.field.features()).run(&ShadingSamples {
             layout,
             densities: &evaluated.densities,
             features: [inner, outer],

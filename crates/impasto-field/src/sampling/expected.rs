@@ -1,7 +1,7 @@
 //! What light a density grid expects along a ray.
 
 use impasto_kernels::DensityGrid;
-use impasto_kernels::sampling::LEAST_LIGHT;
+use impasto_kernels::sampling::LEAST_TRANSMITTANCE;
 
 /// What a grid says of one step, by level.
 pub(super) struct Table {
@@ -56,7 +56,7 @@ impl ExpectedWeights {
             let after = transmittance * table.transmittance[usize::from(*level)];
             *light = transmittance - after;
             transmittance = after;
-            if after < LEAST_LIGHT {
+            if after < LEAST_TRANSMITTANCE {
                 break;
             }
         }

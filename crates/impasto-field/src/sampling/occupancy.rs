@@ -7,7 +7,7 @@ use crate::sampling::pack::{CHUNK, Part, Step, join};
 use crate::sampling::samples::Samples;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
 use impasto_kernels::OccupancySpec;
-use impasto_kernels::sampling::{LEAST_LIGHT, least_weight};
+use impasto_kernels::sampling::{LEAST_TRANSMITTANCE, least_weight};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -150,7 +150,7 @@ impl<'a> OccupancySampler<'a> {
             let point = |axis: usize| s * origin[axis] + st * view[axis];
             outer_cube([point(0), point(1), point(2), s])
         };
-        let left = if left < LEAST_LIGHT {
+        let left = if left < LEAST_TRANSMITTANCE {
             outer.skip(steps, left)
         } else {
             outer.query(steps, left, (&self.grids.outer, &self.tables[1]), place)

@@ -6,7 +6,7 @@ use impasto_kernels::{CompositeLayout, RaySpan};
 pub(crate) fn median_depth(layout: &CompositeLayout, weights: &[f32]) -> Vec<f32> {
     let rays = layout.rays.iter().map(|span| {
         let mut sum = 0.0;
-        let mut all = CompositeLayout::samples(span);
+        let mut all = span.samples();
         let crossing = all.find(|i| {
             sum += weights[*i];
             sum >= 0.5
@@ -25,7 +25,7 @@ const MOST_DROPPED: f32 = 0.02;
 pub(crate) fn visibility_mask(layout: &CompositeLayout, weights: &[f32], least: f32) -> Vec<bool> {
     let mut visible: Vec<bool> = weights.iter().map(|w| *w >= least).collect();
     for span in &layout.rays {
-        let all = || CompositeLayout::samples(span);
+        let all = || span.samples();
         let small = all().map(|i| weights[i]).filter(|w| *w < least);
         if small.sum::<f32>() > MOST_DROPPED {
             all().for_each(|i| visible[i] = weights[i] >= 0.1 * least);

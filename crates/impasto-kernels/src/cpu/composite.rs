@@ -80,10 +80,12 @@ impl CompositeLayout {
         }
         ranges
     }
+}
 
-    /// Samples of a ray, near to far.
-    pub fn samples(span: &RaySpan) -> impl DoubleEndedIterator<Item = usize> + use<> {
-        span.inner.clone().chain(span.outer.clone())
+impl RaySpan {
+    /// All samples of the ray, near to far.
+    pub fn samples(&self) -> impl DoubleEndedIterator<Item = usize> + use<> {
+        self.inner.clone().chain(self.outer.clone())
     }
 }
 
@@ -102,6 +104,35 @@ pub(crate) fn transmittances(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
     Arch::new().dispatch(Transmittances(deltas, sigma))
 }
 
+/// A sample's part in what its ray shows.
+pub(crate) struct Step {
+    pub(crate) index: usize,
+    /// Share of light that it lets through.
+    passed: f32,
+    /// Share of light that reaches it.
+    transmittance: f32,
+    pub(crate) weight: f32,
+}
+
+/// Samples of a ray, near to far, each of which lets `passed` through.
+#[inline(always)]
+pub(crate) fn steps(
+    samples: impl Iterator<Item = usize>,
+    passed: &[f32],
+) -> impl Iterator<Item = Step> {
+    let mut reaching = 1.0;
+    samples.map(move |index| {
+        let (passed, transmittance) = (passed[index], reaching);
+        reaching *= passed + TRANSMITTANCE_EPS;
+        Step {
+            index,
+            passed,
+            transmittance,
+            weight: (1.0 - passed) * transmittance,
+        }
+    })
+}
+
 /// Weight of each sample, `(1 − e^(−σδ)) · T`.
 ///
 /// # Shapes
@@ -109,12 +140,8 @@ pub(crate) fn transmittances(deltas: &[f32], sigma: &[f32]) -> Vec<f32> {
 pub fn weights(layout: &CompositeLayout, sigma: &[f32]) -> Vec<f32> {
     let mut weights = vec![0.0; sigma.len()];
     let passed = transmittances(&layout.deltas, sigma);
-    for span in &layout.rays {
-        let mut transmittance = 1.0;
-        for i in CompositeLayout::samples(span) {
-            weights[i] = (1.0 - passed[i]) * transmittance;
-            transmittance *= passed[i] + TRANSMITTANCE_EPS;
-        }
+    for step in (layout.rays.iter()).flat_map(|span| steps(span.samples(), &passed)) {
+        weights[step.index] = step.weight;
     }
     weights
 }
@@ -136,37 +163,102 @@ pub fn forward(
     layout.check(sigma.len(), colours.len(), channels);
     let width = CompositeLayout::outputs(channels);
     let mut out = vec![0.0; layout.rays.len() * width];
-    let passed = transmittances(&layout.deltas, sigma);
+    let samples = ShadedSamples::new(layout, sigma, colours, channels);
     out.par_chunks_mut(width)
         .with_min_len(64)
         .zip(&layout.rays)
-        .for_each(|(out, span)| ray_forward(layout, span, (&passed, colours), channels, out));
+        .for_each(|(out, span)| samples.forward(span, out));
     out
 }
 
-/// Adds one ray's samples to `out`, zeros before.
-pub(crate) fn ray_forward(
-    layout: &CompositeLayout,
-    span: &RaySpan,
-    (passed, colours): (&[f32], &[f32]),
+/// Samples with all that compositing needs of them.
+pub(crate) struct ShadedSamples<'a> {
+    layout: &'a CompositeLayout,
+    passed: Vec<f32>,
+    colours: &'a [f32],
     channels: usize,
-    out: &mut [f32],
-) {
-    let mut transmittance = 1.0;
-    let (mut mass, mut moment) = (0.0f32, 0.0f32);
-    for i in CompositeLayout::samples(span) {
-        let w = (1.0 - passed[i]) * transmittance;
-        transmittance *= passed[i] + TRANSMITTANCE_EPS;
-        for c in 0..channels {
-            out[c] += w * colours[i * channels + c];
+}
+
+impl<'a> ShadedSamples<'a> {
+    pub(crate) fn new(
+        layout: &'a CompositeLayout,
+        sigma: &[f32],
+        colours: &'a [f32],
+        channels: usize,
+    ) -> Self {
+        Self {
+            layout,
+            passed: transmittances(&layout.deltas, sigma),
+            colours,
+            channels,
         }
-        let s = layout.distances[i];
-        out[channels] += w;
-        out[channels + 1] += w * layout.depths[i];
-        // Σ_ij w_i w_j |s_i − s_j| for sorted s, accumulated in one pass.
-        out[channels + 2] += 2.0 * w * (s * mass - moment);
-        mass += w;
-        moment += w * s;
+    }
+
+    /// Adds one ray's samples to `out`, zeros before.
+    pub(crate) fn forward(&self, span: &RaySpan, out: &mut [f32]) {
+        let (layout, channels) = (self.layout, self.channels);
+        let (mut mass, mut moment) = (0.0f32, 0.0f32);
+        for Step { index, weight, .. } in steps(span.samples(), &self.passed) {
+            let colours = &self.colours[index * channels..][..channels];
+            for (out, colour) in out.iter_mut().zip(colours) {
+                *out += weight * colour;
+            }
+            let s = layout.distances[index];
+            out[channels] += weight;
+            out[channels + 1] += weight * layout.depths[index];
+            // Σ_ij w_i w_j |s_i − s_j| for sorted s, accumulated in one pass.
+            out[channels + 2] += 2.0 * weight * (s * mass - moment);
+            mass += weight;
+            moment += weight * s;
+        }
+    }
+
+    /// Writes one ray's gradients; `all` is scratch.
+    pub(crate) fn backward(
+        &self,
+        span: &RaySpan,
+        grad: &[f32],
+        all: &mut Vec<Step>,
+        out: &mut [SpanGrads<'_>; 2],
+    ) {
+        let (layout, channels) = (self.layout, self.channels);
+        all.clear();
+        all.extend(steps(span.samples(), &self.passed));
+        let (mut mass, mut moment) = (0.0f32, 0.0f32);
+        for step in &*all {
+            mass += step.weight;
+            moment += step.weight * layout.distances[step.index];
+        }
+        let (colour_out, rest) = grad.split_at(channels);
+        let (mut mass_before, mut moment_before) = (mass, moment);
+        // dL/dT of the transmittance that leaves the sample, from far to near.
+        let mut behind = 0.0f32;
+        for (position, step) in all.iter().enumerate().rev() {
+            let i = step.index;
+            let (out, at) = match position.checked_sub(span.inner.len()) {
+                None => (&mut out[0], position),
+                Some(at) => (&mut out[1], at),
+            };
+            let s = layout.distances[i];
+            mass_before -= step.weight;
+            moment_before -= step.weight * s;
+            let mass_after = mass - mass_before - step.weight;
+            let moment_after = moment - moment_before - step.weight * s;
+            let spread = s * mass_before - moment_before + moment_after - s * mass_after;
+            let mut weight_grad = rest[0] + rest[1] * layout.depths[i] + 2.0 * rest[2] * spread;
+            let colours = self.colours[i * channels..].iter().zip(colour_out);
+            let out_colours = &mut out.colours[at * channels..][..channels];
+            for (to, (colour, grad)) in out_colours.iter_mut().zip(colours) {
+                weight_grad += grad * colour;
+                *to = grad * step.weight;
+            }
+            let alpha_grad = step.transmittance * (weight_grad - behind);
+            let delta = layout.deltas[i];
+            // A huge last step saturates e^(−σδ) at 0; 0 · 1e10 must stay 0.
+            let slope = step.passed * delta;
+            out.sigma[at] = if slope > 0.0 { alpha_grad * slope } else { 0.0 };
+            behind = (1.0 - step.passed) * weight_grad + (step.passed + TRANSMITTANCE_EPS) * behind;
+        }
     }
 }
 
@@ -193,14 +285,14 @@ pub fn backward(
     );
     let mut sigma_grad = vec![0.0; sigma.len()];
     let mut colour_grad = vec![0.0; colours.len()];
-    let passed = &transmittances(&layout.deltas, sigma);
+    let samples = ShadedSamples::new(layout, sigma, colours, channels);
     split_by_ray(layout, &mut sigma_grad, &mut colour_grad, channels)
         .par_iter_mut()
         .zip(&layout.rays)
         .zip(grad.par_chunks_exact(width))
         .with_min_len(64)
         .for_each_init(Vec::new, |steps, ((out, span), grad)| {
-            ray_backward(layout, span, (passed, colours), channels, grad, steps, out);
+            samples.backward(span, grad, steps, out);
         });
     (sigma_grad, colour_grad)
 }
@@ -236,68 +328,4 @@ fn split_by_ray<'a>(
         (sigma, colours, end) = (rest_sigma, rest_colours, range.end);
     }
     split
-}
-
-/// What the reverse sweep over one ray needs from the forward sweep.
-pub(crate) struct Step {
-    index: usize,
-    passed: f32,
-    transmittance: f32,
-    weight: f32,
-}
-
-/// Writes one ray's gradients; `steps` is scratch.
-pub(crate) fn ray_backward(
-    layout: &CompositeLayout,
-    span: &RaySpan,
-    (passed, colours): (&[f32], &[f32]),
-    channels: usize,
-    grad: &[f32],
-    steps: &mut Vec<Step>,
-    out: &mut [SpanGrads<'_>; 2],
-) {
-    steps.clear();
-    let mut transmittance = 1.0;
-    let (mut mass, mut moment) = (0.0f32, 0.0f32);
-    for index in CompositeLayout::samples(span) {
-        let passed = passed[index];
-        let weight = (1.0 - passed) * transmittance;
-        steps.push(Step {
-            index,
-            passed,
-            transmittance,
-            weight,
-        });
-        transmittance *= passed + TRANSMITTANCE_EPS;
-        mass += weight;
-        moment += weight * layout.distances[index];
-    }
-    let (colour_out, rest) = grad.split_at(channels);
-    let (mut mass_before, mut moment_before) = (mass, moment);
-    // dL/dT of the transmittance that leaves the sample, from far to near.
-    let mut behind = 0.0f32;
-    for (position, step) in steps.iter().enumerate().rev() {
-        let i = step.index;
-        let (out, at) = match position.checked_sub(span.inner.len()) {
-            None => (&mut out[0], position),
-            Some(at) => (&mut out[1], at),
-        };
-        let s = layout.distances[i];
-        mass_before -= step.weight;
-        moment_before -= step.weight * s;
-        let mass_after = mass - mass_before - step.weight;
-        let moment_after = moment - moment_before - step.weight * s;
-        let spread = s * mass_before - moment_before + moment_after - s * mass_after;
-        let mut weight_grad = rest[0] + rest[1] * layout.depths[i] + 2.0 * rest[2] * spread;
-        for c in 0..channels {
-            weight_grad += colour_out[c] * colours[i * channels + c];
-            out.colours[at * channels + c] = colour_out[c] * step.weight;
-        }
-        let alpha_grad = step.transmittance * (weight_grad - behind);
-        let delta = layout.deltas[i];
-        // A huge last step saturates e^(−σδ) at 0; 0 · 1e10 must stay 0.
-        let slope = step.passed * delta;
-        out.sigma[at] = if slope > 0.0 { alpha_grad * slope } else { 0.0 };
-        behind = (1.0 - step.passed) * weight_grad + (step.passed + TRANSMITTANCE_EPS) * behind;
-    }
 }

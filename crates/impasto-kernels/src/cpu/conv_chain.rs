@@ -2,8 +2,7 @@
 //! two-dimensional style transfer, and the gradients with which decoders are trained.
 
 use super::convolution::{ConvLayer, convolve, filter_gradient};
-use super::padded::{Padded, pool, pool_backward};
-use super::perceptual::OddEnd;
+use super::padded::{FeatureMap, OddEnd, Padded, pool, pool_backward};
 use rayon::prelude::*;
 
 /// What happens to an image before a convolution.
@@ -42,33 +41,6 @@ pub struct FilterGradient {
     pub weight: Vec<f32>,
     /// One an output.
     pub bias: Vec<f32>,
-}
-
-/// A channels-last image.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FeatureMap {
-    /// Rows.
-    pub height: usize,
-    /// Columns.
-    pub width: usize,
-    /// Numbers a pixel.
-    pub channels: usize,
-    /// `height × width × channels`.
-    pub data: Vec<f32>,
-}
-
-impl FeatureMap {
-    /// An image without its border.
-    pub(crate) fn of(image: &Padded) -> Self {
-        let mut data = Vec::with_capacity(image.pixels() * image.channels);
-        (0..image.height).for_each(|y| data.extend_from_slice(image.row(y)));
-        Self {
-            height: image.height,
-            width: image.width,
-            channels: image.channels,
-            data,
-        }
-    }
 }
 
 impl ConvChain {
@@ -169,16 +141,11 @@ impl ConvChain {
             [last.height, last.width, last.channels, self.layers.len()],
             "gradient of a chain of convolutions"
         );
-        let mut current = padded(grad);
+        let mut current = Padded::of(grad);
         let mut gradients = Vec::with_capacity(self.layers.len());
         for (i, (resample, layer)) in self.layers.iter().enumerate().rev() {
             if !(self.ends_linear && i + 1 == self.layers.len()) {
-                let out = &tape.outputs[i];
-                current.par_rows_mut().enumerate().for_each(|(y, row)| {
-                    for (g, y) in row.iter_mut().zip(out.row(y)) {
-                        *g = if *y > 0.0 { *g } else { 0.0 };
-                    }
-                });
+                current.back_through_relu(&tape.outputs[i]);
             }
             gradients.push(FilterGradient {
                 weight: filter_gradient(tape.seen(i), &current),
@@ -209,7 +176,7 @@ impl ConvChain {
             image.height.min(image.width) >= self.smallest(),
             "image of a chain of convolutions is too small"
         );
-        padded(image)
+        Padded::of(image)
     }
 
     fn layer(&self, index: usize, layer: &ConvLayer, input: &Padded) -> Padded {
@@ -262,16 +229,6 @@ fn sums(image: &Padded) -> Vec<f32> {
         }
     }
     sums.into_iter().map(|sum| sum as f32).collect()
-}
-
-fn padded(image: &FeatureMap) -> Padded {
-    let mut padded = Padded::zeros(image.height, image.width, image.channels);
-    let rows = image.data.par_chunks_exact(image.width * image.channels);
-    padded
-        .par_rows_mut()
-        .zip(rows)
-        .for_each(|(to, from)| to.copy_from_slice(from));
-    padded
 }
 
 fn doubled(image: &Padded) -> Padded {

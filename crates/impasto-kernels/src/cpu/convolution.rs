@@ -2,7 +2,7 @@
 //! three matrix products over overlapping rows of the padded image: no patch matrix is ever built.
 
 use super::padded::Padded;
-use super::product::{Left, Start, product};
+use super::product::{Left, ProductTarget, Start, product};
 use super::winograd::WinogradFilters;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -116,7 +116,7 @@ pub(crate) fn convolve(input: &Padded, filters: &Filters, bias: Option<&[f32]>) 
     }
     let target = &mut out.data[first * outputs..(first + count) * outputs];
     if count < DEEP && outputs > STRIP {
-        convolve_deep(input, filters, bias, (first, count), target);
+        convolve_deep(input, filters, bias, first, target);
     } else {
         let task = TASK.min(count.div_ceil(4).next_multiple_of(6));
         let tasks = target.par_chunks_mut(task * outputs).enumerate();
@@ -142,9 +142,10 @@ fn convolve_deep(
     input: &Padded,
     filters: &Filters,
     bias: Option<&[f32]>,
-    (start, count): (usize, usize),
+    start: usize,
     target: &mut [f32],
 ) {
+    let count = target.len() / filters.outputs;
     let strips: Vec<_> = filters.strips().collect();
     let pieces: Vec<_> = strips
         .into_par_iter()
@@ -192,14 +193,20 @@ impl WithSimd for Convolve<'_> {
         let corner = (self.start - row - 1) * inputs;
         let neighbourhoods = Left::overlapping(
             &self.input.data[corner..],
-            (count, inputs),
-            (3, row * inputs),
+            count,
+            inputs,
+            3,
+            row * inputs,
             3 * inputs,
         );
         let (stride, channels) = (self.stride, self.channels);
-        let start = self.bias.map_or(Start::Zero, Start::Row);
-        let target = (&mut *self.target, start, stride);
-        product(simd, target, neighbourhoods, self.filters, channels);
+        let target = ProductTarget {
+            out: &mut *self.target,
+            start: self.bias.map_or(Start::Zero, Start::Row),
+            width: channels,
+            stride,
+        };
+        product(simd, target, neighbourhoods, self.filters);
         if self.bias.is_some() {
             for pixel in self.target.chunks_mut(stride) {
                 for v in &mut pixel[..channels] {
@@ -266,7 +273,8 @@ impl WithSimd for TapGradient<'_> {
             let pixels = GRADIENT_PIXELS.min(count - start);
             let left = Left::transposed(&input.data[(shifted + start) * inputs..], pixels, inputs);
             let right = &grad.data[(first + start) * outputs..][..pixels * outputs];
-            product(simd, (&mut out, Start::Sum, outputs), left, right, outputs);
+            let target = ProductTarget::new(&mut out, Start::Sum, outputs);
+            product(simd, target, left, right);
         }
         out
     }

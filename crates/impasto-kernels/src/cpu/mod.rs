@@ -11,8 +11,9 @@ pub mod passes;
 pub mod perceptual;
 pub mod radiance;
 
+pub(crate) mod padded;
+
 mod math;
-mod padded;
 mod product;
 mod statistics;
 mod winograd;

@@ -1,7 +1,64 @@
-//! Channels-last images with a border, and 2×2 max-pooling of them.
+//! Channels-last images, those with a border, and 2×2 max-pooling of them.
 
-use super::perceptual::OddEnd;
 use rayon::prelude::*;
+
+/// What a convolution sees around its input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Border {
+    /// Zeros.
+    #[default]
+    Zeros,
+    /// The input mirrored at its outermost pixels, which are not repeated (PyTorch's
+    /// `ReflectionPad2d(1)`). Needs inputs of at least two pixels a side.
+    Mirrored,
+}
+
+/// What 2×2 pooling does with the last row or column of an odd size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OddEnd {
+    /// Drops it.
+    #[default]
+    Dropped,
+    /// Pools over what is there (PyTorch's `ceil_mode`).
+    Kept,
+}
+
+impl OddEnd {
+    /// What pooling leaves of a side.
+    pub(crate) fn pooled(self, size: usize) -> usize {
+        match self {
+            Self::Dropped => size / 2,
+            Self::Kept => size.div_ceil(2),
+        }
+    }
+}
+
+/// A channels-last image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FeatureMap {
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Numbers a pixel.
+    pub channels: usize,
+    /// `height × width × channels`.
+    pub data: Vec<f32>,
+}
+
+impl FeatureMap {
+    /// An image without its border.
+    pub(crate) fn of(image: &Padded) -> Self {
+        let mut data = Vec::with_capacity(image.pixels() * image.channels);
+        (0..image.height).for_each(|y| data.extend_from_slice(image.row(y)));
+        Self {
+            height: image.height,
+            width: image.width,
+            channels: image.channels,
+            data,
+        }
+    }
+}
 
 /// A channels-last image with a border of one pixel, zero unless it was filled.
 #[derive(Debug, Clone)]
@@ -37,6 +94,22 @@ impl Padded {
         padded
     }
 
+    /// An image in a border of zeros.
+    pub(crate) fn of(image: &FeatureMap) -> Self {
+        Self::from_rows(&image.data, image.height, image.width, image.channels)
+    }
+
+    /// The same of `height × width × channels` numbers.
+    pub(crate) fn from_rows(numbers: &[f32], height: usize, width: usize, channels: usize) -> Self {
+        let mut padded = Self::zeros(height, width, channels);
+        let rows = numbers.par_chunks_exact(width * channels);
+        padded
+            .par_rows_mut()
+            .zip(rows)
+            .for_each(|(to, from)| to.copy_from_slice(from));
+        padded
+    }
+
     pub(crate) fn at(&self, y: usize, x: usize) -> usize {
         ((y + 1) * (self.width + 2) + x + 1) * self.channels
     }
@@ -68,6 +141,15 @@ impl Padded {
         rows.take(self.height)
             .map(move |row| &mut row[channels..stride - channels])
             .with_min_len(4)
+    }
+
+    /// From the gradient of a relu's result to that of what it was applied to.
+    pub(crate) fn back_through_relu(&mut self, result: &Self) {
+        self.par_rows_mut().enumerate().for_each(|(y, row)| {
+            for (g, y) in row.iter_mut().zip(result.row(y)) {
+                *g = if *y > 0.0 { *g } else { 0.0 };
+            }
+        });
     }
 
     /// The first and second, third and fourth row and so on, without their left borders. With an
@@ -142,16 +224,6 @@ impl Padded {
         for row in self.data.chunks_exact_mut(stride) {
             row[..self.channels].fill(0.0);
             row[stride - self.channels..].fill(0.0);
-        }
-    }
-}
-
-impl OddEnd {
-    /// What pooling leaves of a side.
-    pub(crate) fn pooled(self, size: usize) -> usize {
-        match self {
-            Self::Dropped => size / 2,
-            Self::Kept => size.div_ceil(2),
         }
     }
 }

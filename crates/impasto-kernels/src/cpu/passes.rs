@@ -2,7 +2,7 @@
 //! those that matter. A tile of samples goes through all layers of a pass while it is in cache.
 //! Runs on the calling thread: who renders has rays for all threads.
 
-use super::composite::{CompositeLayout, TRANSMITTANCE_EPS, transmittances};
+use super::composite::{CompositeLayout, steps, transmittances};
 use super::hash_grid::{self, HashGridSpec};
 use super::mlp::{MlpSpec, Packed, Tape};
 use super::radiance::Density;
@@ -112,7 +112,7 @@ pub struct ShadingPass<'a> {
 
 /// Samples of rays, for [`ShadingPass::run`].
 #[derive(Debug, Clone, Copy)]
-pub struct Samples<'a> {
+pub struct ShadingSamples<'a> {
     /// Samples, packed ray by ray: all inner ones first, then all outer ones.
     pub layout: &'a CompositeLayout,
     /// Density of each.
@@ -150,7 +150,7 @@ impl<'a> ShadingPass<'a> {
     ///
     /// # Panics
     /// If slices do not have their stated lengths.
-    pub fn run(&self, samples: &Samples<'_>) -> Vec<f32> {
+    pub fn run(&self, samples: &ShadingSamples<'_>) -> Vec<f32> {
         let rays = samples.layout.rays.len();
         let count = samples.keep.len();
         let layout = samples.layout;
@@ -173,7 +173,7 @@ impl<'a> ShadingPass<'a> {
 
 struct Shading<'a> {
     pass: &'a ShadingPass<'a>,
-    samples: &'a Samples<'a>,
+    samples: &'a ShadingSamples<'a>,
 }
 
 impl WithSimd for Shading<'_> {
@@ -214,14 +214,11 @@ impl WithSimd for Shading<'_> {
         }
         let mut out = Vec::with_capacity(CHANNELS * rays.len());
         for span in rays {
-            let mut transmittance = 1.0;
             let mut sum = [0.0; CHANNELS];
-            let all = span.inner.clone().chain(span.outer.clone());
-            for i in all.filter(|i| samples.keep[*i]) {
-                let weight = (1.0 - passed[i]) * transmittance;
-                transmittance *= passed[i] + TRANSMITTANCE_EPS;
-                for (sum, colour) in sum.iter_mut().zip(&colours[CHANNELS * i..]) {
-                    *sum += weight * colour;
+            let kept = span.samples().filter(|i| samples.keep[*i]);
+            for step in steps(kept, &passed) {
+                for (sum, colour) in sum.iter_mut().zip(&colours[CHANNELS * step.index..]) {
+                    *sum += step.weight * colour;
                 }
             }
             out.extend(sum);

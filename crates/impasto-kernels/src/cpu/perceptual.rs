@@ -1,32 +1,9 @@
 //! The frozen perceptual stack: 3×3 convolutions with relu and 2×2 max-pooling (VGG), forward,
 //! and backward to the image only.
 
-use super::conv_chain::FeatureMap;
 use super::convolution::{ConvLayer, convolve};
-use super::padded::{Padded, pool, pool_backward};
-use super::statistics::Statistics;
-use rayon::prelude::*;
-
-/// What a convolution sees around its input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Border {
-    /// Zeros.
-    #[default]
-    Zeros,
-    /// The input mirrored at its outermost pixels, which are not repeated (PyTorch's
-    /// `ReflectionPad2d(1)`). Needs inputs of at least two pixels a side.
-    Mirrored,
-}
-
-/// What 2×2 pooling does with the last row or column of an odd size.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum OddEnd {
-    /// Drops it.
-    #[default]
-    Dropped,
-    /// Pools over what is there (PyTorch's `ceil_mode`).
-    Kept,
-}
+use super::padded::{Border, FeatureMap, OddEnd, Padded, pool, pool_backward};
+use super::statistics::ChannelStatistics;
 
 /// A frozen stack of convolutions over an RGB image in `[0, 1]`.
 #[derive(Debug, Clone)]
@@ -36,8 +13,6 @@ pub struct PerceptualStack {
     pub(crate) input_offset: [f32; 3],
     pub(crate) border: Border,
     pub(crate) odd_end: OddEnd,
-    #[cfg(feature = "gpu")]
-    pub(crate) resident: crate::gpu::perceptual::Resident,
 }
 
 /// Activations kept from a forward pass.
@@ -45,7 +20,7 @@ pub struct PerceptualStack {
 pub struct PerceptualTape {
     outputs: Vec<Padded>,
     pooled: Vec<Option<Padded>>,
-    statistics: Vec<Option<Statistics>>,
+    statistics: Vec<Option<ChannelStatistics>>,
 }
 
 impl PerceptualTape {
@@ -89,8 +64,6 @@ impl PerceptualStack {
             input_offset,
             border: Border::default(),
             odd_end: OddEnd::default(),
-            #[cfg(feature = "gpu")]
-            resident: Default::default(),
         }
     }
 
@@ -184,7 +157,7 @@ impl PerceptualStack {
             let mut out = convolve(input, &layer.forward, Some(&layer.bias));
             self.surround(&mut out);
             tape.statistics.push(layer.statistics.then(|| {
-                let own = Statistics::of(&out);
+                let own = ChannelStatistics::of(&out);
                 statistics.extend(own.mean.iter().chain(&own.std).map(|x| *x as f32));
                 own
             }));
@@ -230,14 +203,8 @@ impl PerceptualStack {
             content + self.statistics_len(),
             "gradient of a perceptual stack"
         );
-        let mut current = Padded::zeros(last.height, last.width, last.channels);
-        for (y, row) in grad[..content]
-            .chunks_exact(last.width * last.channels)
-            .enumerate()
-        {
-            let start = current.at(y, 0);
-            current.data[start..start + row.len()].copy_from_slice(row);
-        }
+        let mut current =
+            Padded::from_rows(&grad[..content], last.height, last.width, last.channels);
         let mut statistics = &grad[content..];
         for (i, layer) in self.layers.iter().enumerate().rev() {
             let out = &tape.outputs[i];
@@ -246,11 +213,7 @@ impl PerceptualStack {
                 of_layer.backward(out, own, &mut current);
                 statistics = rest;
             }
-            current.par_rows_mut().enumerate().for_each(|(y, row)| {
-                for (g, y) in row.iter_mut().zip(out.row(y)) {
-                    *g = if *y > 0.0 { *g } else { 0.0 };
-                }
-            });
+            current.back_through_relu(out);
             // What falls on a mirrored border belongs to the pixels that it mirrors, so there the
             // gradient is wanted too: as that of an image which has its border inside.
             current = match self.border {

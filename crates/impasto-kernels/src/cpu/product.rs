@@ -22,54 +22,61 @@ pub(crate) struct Left<'a> {
 impl<'a> Left<'a> {
     /// Row-major `rows × columns`.
     pub(crate) fn new(data: &'a [f32], rows: usize, columns: usize) -> Self {
-        Self::checked(data, rows, columns, (columns, 0, 1), 1)
+        Self::overlapping(data, rows, columns, 1, 0, columns)
     }
 
     /// The transpose of a row-major `columns × rows` matrix.
     pub(crate) fn transposed(data: &'a [f32], columns: usize, rows: usize) -> Self {
-        Self::checked(data, rows, columns, (1, 0, rows), 1)
+        let left = Self {
+            data,
+            rows,
+            row_stride: 1,
+            segments: 1,
+            segment_stride: 0,
+            columns,
+            column_stride: rows,
+        };
+        left.checked()
     }
 
     /// `rows` overlapping rows, one starting every `row_stride` numbers, each of `segments` runs of
     /// `columns` numbers that start every `segment_stride`.
     pub(crate) fn overlapping(
         data: &'a [f32],
-        (rows, row_stride): (usize, usize),
-        (segments, segment_stride): (usize, usize),
-        columns: usize,
-    ) -> Self {
-        let strides = (row_stride, segment_stride, 1);
-        Self::checked(data, rows, columns, strides, segments)
-    }
-
-    fn checked(
-        data: &'a [f32],
         rows: usize,
-        columns: usize,
-        (row_stride, segment_stride, column_stride): (usize, usize, usize),
+        row_stride: usize,
         segments: usize,
+        segment_stride: usize,
+        columns: usize,
     ) -> Self {
-        assert!(
-            rows > 0 && columns > 0 && segments > 0,
-            "matrices of a product are never empty"
-        );
-        let last = (rows - 1) * row_stride
-            + (segments - 1) * segment_stride
-            + (columns - 1) * column_stride;
-        assert!(
-            last < data.len(),
-            "matrix ends at {last}, its slice has {}",
-            data.len()
-        );
-        Self {
+        let left = Self {
             data,
             rows,
             row_stride,
             segments,
             segment_stride,
             columns,
-            column_stride,
-        }
+            column_stride: 1,
+        };
+        left.checked()
+    }
+
+    /// # Panics
+    /// If the matrix is empty or passes its slice.
+    fn checked(self) -> Self {
+        assert!(
+            self.rows > 0 && self.columns > 0 && self.segments > 0,
+            "matrices of a product are never empty"
+        );
+        let last = (self.rows - 1) * self.row_stride
+            + (self.segments - 1) * self.segment_stride
+            + (self.columns - 1) * self.column_stride;
+        let length = self.data.len();
+        assert!(
+            last < length,
+            "matrix ends at {last}, its slice has {length}"
+        );
+        self
     }
 }
 
@@ -84,28 +91,36 @@ pub(crate) enum Start<'a> {
     Row(&'a [f32]),
 }
 
-/// `out += left · right`, `out` and `right` row-major with `width` columns. Runs on the calling
-/// thread.
-#[inline(always)]
-pub(crate) fn add_product<S: Simd>(
-    simd: S,
-    out: &mut [f32],
-    left: Left<'_>,
-    right: &[f32],
-    width: usize,
-) {
-    product(simd, (out, Start::Sum, width), left, right, width);
+/// Where a product goes: the first `width` numbers of rows that are `stride` apart.
+pub(crate) struct ProductTarget<'a> {
+    pub(crate) out: &'a mut [f32],
+    pub(crate) start: Start<'a>,
+    pub(crate) width: usize,
+    pub(crate) stride: usize,
 }
 
-/// `out = start + left · right`, into the first `width` numbers of rows that are `stride` apart.
+impl<'a> ProductTarget<'a> {
+    /// Row-major with `width` columns.
+    pub(crate) fn new(out: &'a mut [f32], start: Start<'a>, width: usize) -> Self {
+        Self {
+            out,
+            start,
+            width,
+            stride: width,
+        }
+    }
+}
+
+/// `out = start + left · right`, `right` row-major and as wide as the target. Runs on the calling
+/// thread.
 #[inline(always)]
-pub(crate) fn product<S: Simd>(
-    simd: S,
-    (out, start, stride): (&mut [f32], Start<'_>, usize),
-    left: Left<'_>,
-    right: &[f32],
-    width: usize,
-) {
+pub(crate) fn product<S: Simd>(simd: S, target: ProductTarget<'_>, left: Left<'_>, right: &[f32]) {
+    let ProductTarget {
+        out,
+        start,
+        width,
+        stride,
+    } = target;
     if let Start::Row(row) = start {
         assert_eq!(row.len(), width, "row that a matrix product starts from");
     }
@@ -298,7 +313,12 @@ mod tests {
         type Output = ();
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) {
-            product(simd, (self.0, self.1, self.4), self.2, self.3, self.4);
+            product(
+                simd,
+                ProductTarget::new(self.0, self.1, self.4),
+                self.2,
+                self.3,
+            );
         }
     }
 
@@ -372,7 +392,7 @@ mod tests {
     #[test]
     fn equals_three_loops_for_overlapping_rows() {
         let data = numbers(2 * 40 + 9 * 3 + 6);
-        let patches = Left::overlapping(&data, (9, 3), (3, 40), 6);
+        let patches = Left::overlapping(&data, 9, 3, 3, 40, 6);
         check(patches, |r, k| r * 3 + k / 6 * 40 + k % 6, 20);
     }
 

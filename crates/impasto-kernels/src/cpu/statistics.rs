@@ -8,12 +8,12 @@ const VARIANCE_EPS: f64 = 1e-5;
 
 /// Mean and `sqrt(unbiased variance + 1e-5)` of each channel.
 #[derive(Debug)]
-pub(crate) struct Statistics {
+pub(crate) struct ChannelStatistics {
     pub(crate) mean: Vec<f64>,
     pub(crate) std: Vec<f64>,
 }
 
-impl Statistics {
+impl ChannelStatistics {
     pub(crate) fn of(image: &Padded) -> Self {
         let n = image.pixels() as f64;
         let mut mean = sum_of_pixels(image, |sum, pixel| {

@@ -2,7 +2,7 @@
 //! 36 multiplications for every 2×2 pixels. Single precision loses about one digit of seven.
 
 use super::padded::Padded;
-use super::product::{Left, Start, product};
+use super::product::{Left, ProductTarget, Start, product};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -119,7 +119,7 @@ impl WithSimd for PatchRows<'_> {
         let mut seen = vec![0.0; POINTS * patches * inputs];
         for patch in 0..patches {
             let (y, x) = (2 * (first + patch / across), 2 * (patch % across));
-            transform_patch(input, (y, x), &mut seen[patch * inputs..], patches * inputs);
+            transform_patch(input, y, x, &mut seen[patch * inputs..], patches * inputs);
         }
         let mut found = vec![0.0; POINTS * patches * STRIP];
         let strips = filters.strips.chunks(POINTS * inputs * STRIP).enumerate();
@@ -131,7 +131,8 @@ impl WithSimd for PatchRows<'_> {
                 let weights = &weights[point * inputs * width..][..inputs * width];
                 let found = &mut found[point * patches * width..][..patches * width];
                 let rows = Left::new(rows, patches, inputs);
-                product(simd, (found, Start::Zero, width), rows, weights, width);
+                let found = ProductTarget::new(found, Start::Zero, width);
+                product(simd, found, rows, weights);
             }
             let channel = strip * STRIP;
             let bias = bias.map(|b| &b[channel..channel + width]);
@@ -153,7 +154,7 @@ impl WithSimd for PatchRows<'_> {
 /// Writes `Bᵀ d B` of the 4×4 pixels from (`y`, `x`) of the padded image on, channel by channel,
 /// points `apart` numbers from each other.
 #[inline(always)]
-fn transform_patch(input: &Padded, (y, x): (usize, usize), out: &mut [f32], apart: usize) {
+fn transform_patch(input: &Padded, y: usize, x: usize, out: &mut [f32], apart: usize) {
     let channels = input.channels;
     let zeros = [0.0; STRIP];
     for start in (0..channels).step_by(STRIP) {

@@ -6,10 +6,6 @@ use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn update_kernel(
     param: &mut [f32],
     first: &mut [f32],

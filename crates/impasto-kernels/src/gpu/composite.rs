@@ -1,18 +1,17 @@
 //! Compositing of packed samples, one unit a ray.
 
-use super::launch::{Uploaded, argument, cube, cubes_for, empty, zeros};
+use super::launch::{Uploaded, Uploads, argument, cube, cubes_for, empty, zeros};
 use crate::CompositeLayout;
-use burn_cubecl::CubeDevice;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::Arc;
 
 /// Kept under every factor of the transmittance, as in NeRF++.
 const TRANSMITTANCE_EPS: f32 = crate::cpu::composite::TRANSMITTANCE_EPS;
 
 /// A layout on the device: where each ray's samples are, then their steps.
 #[derive(Clone)]
-pub(crate) struct Layout {
+pub(crate) struct DeviceLayout {
     /// Start and end of the inner, then of the outer samples of each ray.
     pub(crate) spans: Uploaded,
     /// All step lengths, all depths, all distances, and whatever else there is.
@@ -23,24 +22,12 @@ pub(crate) struct Layout {
     pub(crate) depths: u32,
 }
 
-/// What was uploaded of layouts that still exist, with the device that it is on: a patch is painted
-/// many times, forward and backward.
-static KNOWN: Mutex<Vec<(Weak<CompositeLayout>, CubeDevice, Layout)>> = Mutex::new(Vec::new());
+/// Layouts that still exist: a patch is painted many times, forward and backward.
+static KNOWN: Uploads<CompositeLayout, DeviceLayout> = Uploads::new();
 
-impl Layout {
+impl DeviceLayout {
     pub(crate) fn of(like: &CubeTensor, layout: &Arc<CompositeLayout>) -> Self {
-        let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        let own = Arc::downgrade(layout);
-        let found = known
-            .iter()
-            .find(|(other, device, _)| other.ptr_eq(&own) && *device == like.device);
-        if let Some((_, _, found)) = found {
-            return found.clone();
-        }
-        known.retain(|(other, ..)| other.strong_count() > 0);
-        let made = Self::new(like, layout);
-        known.push((own, like.device.clone(), made.clone()));
-        made
+        KNOWN.of(layout, like, || Self::new(like, layout))
     }
 
     fn new(like: &CubeTensor, layout: &CompositeLayout) -> Self {
@@ -137,7 +124,11 @@ fn forward_kernel(
 ///
 /// # Panics
 /// If there are not as many densities and colours as samples.
-pub(crate) fn forward(layout: &Layout, sigma: &CubeTensor, colours: &CubeTensor) -> CubeTensor {
+pub(crate) fn forward(
+    layout: &DeviceLayout,
+    sigma: &CubeTensor,
+    colours: &CubeTensor,
+) -> CubeTensor {
     layout.check(sigma, colours);
     let channels = colours.meta.shape()[1];
     let out = [layout.rays, CompositeLayout::outputs(channels)];
@@ -196,10 +187,6 @@ fn sweep(
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn backward_kernel(
     sigma: &[f32],
     colours: &[f32],
@@ -266,7 +253,7 @@ fn backward_kernel(
 /// # Panics
 /// If there are not as many densities and colours as samples.
 pub(crate) fn backward(
-    layout: &Layout,
+    layout: &DeviceLayout,
     sigma: &CubeTensor,
     colours: &CubeTensor,
     grad: &CubeTensor,

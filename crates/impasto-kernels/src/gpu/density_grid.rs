@@ -178,15 +178,25 @@ fn places_kernel(
     }
 }
 
-/// Random places in `shares[0]` of the visible cells under level `dense` and in `shares[1]` of the
-/// others: at most `most` points, `[most, 3]`, and the bounds of those that there are.
-pub(crate) fn places(
+/// Which random places are drawn.
+pub(crate) struct Places {
+    /// Share of the visible cells under level `dense`, and of the others.
+    pub(crate) shares: [f32; 2],
+    pub(crate) dense: u8,
+    /// Whether the outer volume's.
+    pub(crate) outer: bool,
+    pub(crate) seed: u32,
+    /// Most of them.
+    pub(crate) most: usize,
+}
+
+/// Random places in visible cells, `[most, 3]`, and the bounds of those that there are.
+pub(crate) fn draw(
     cells: &Cells,
-    (visible, outer): (&CubeTensor, bool),
-    (shares, dense): ([f32; 2], u8),
-    (seed, most): (u32, usize),
+    visible: &CubeTensor,
+    places: &Places,
 ) -> (CubeTensor, CubeTensor) {
-    let points = empty(visible, [most, 3]);
+    let points = empty(visible, [places.most, 3]);
     let bounds = zeros_u32(visible, 2);
     // SAFETY: units look at their own cell and write where there is room.
     unsafe {
@@ -199,12 +209,12 @@ pub(crate) fn places(
             argument(&points),
             argument(&bounds),
             cells.side as u32,
-            most as u32,
-            seed,
-            shares[0],
-            shares[1],
-            u32::from(dense),
-            outer,
+            places.most as u32,
+            places.seed,
+            places.shares[0],
+            places.shares[1],
+            u32::from(places.dense),
+            places.outer,
         );
     }
     (points, bounds)

@@ -5,11 +5,12 @@
 //! How many samples lie in the inner volume only the device knows, so both volumes' rows stand in
 //! buffers with room for all of a batch's samples: inner ones first, outer ones behind them.
 
-use super::composite::{self, Layout};
-use super::density_grid::{self, Cells};
+use super::composite::{self, DeviceLayout};
+use super::density_grid::{self, Cells, Places};
 use super::launch::{Rows, Uploaded, empty, from_slice, from_u32, whole};
 use super::march::{self, Marched};
-use super::{hash_grid, merge, mlp, radiance};
+use super::radiance::{self, TrunkTape};
+use super::{hash_grid, merge, mlp};
 use crate::{CompositeLayout, DensityGrid, HashGridSpec, OccupancySpec, Volume, VolumeSpec};
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{Device, Int, Slice, Tensor};
@@ -136,7 +137,7 @@ impl DensityGrids {
         }
     }
 
-    /// Takes note of the densities of samples, `[n]`, until the next [`Self::settle`].
+    /// Takes note of the densities of samples, `[n]`, until the next [`Self::update`].
     pub fn observe(&self, samples: &RaySamples, densities: &Tensor<1>) {
         let densities = primitive(densities.clone());
         for (v, cells) in self.cells.iter().enumerate() {
@@ -161,13 +162,18 @@ impl DensityGrids {
             let most = (*count as f32 * shares[0].max(shares[1]) * 1.1) as usize + 256;
             let dense = DensityGrid::level_of(dense[v]);
             let seed = seed.wrapping_add(v as u32);
-            let (points, bounds) =
-                density_grid::places(cells, (visible, v == 1), (shares, dense), (seed, most));
+            let places = Places {
+                shares,
+                dense,
+                outer: v == 1,
+                seed,
+                most,
+            };
+            let (points, bounds) = density_grid::draw(cells, visible, &places);
             let rows = Rows::between(&bounds, 0, most);
             let volume = weights[v].clone().map(primitive);
-            let (_, raw) = features(&points, spec, &volume, v, rows);
             let density = empty(&points, [most]);
-            radiance::densities(&raw, spec.volumes[v].density, rows, &density);
+            trunk(&points, spec, &volume, v, rows, &density);
             density_grid::observe(cells, &points, &density, rows);
             density_grid::settle(cells);
         }
@@ -214,8 +220,8 @@ impl RaySamples {
     }
 
     /// The layout; of known surfaces, with the distances from them for depths.
-    fn layout(&self, from_surfaces: bool) -> Layout {
-        Layout {
+    fn layout(&self, from_surfaces: bool) -> DeviceLayout {
+        DeviceLayout {
             spans: Uploaded::of(&self.marched.spans),
             steps: Uploaded::of(&self.marched.steps),
             rays: self.rays(),
@@ -239,27 +245,19 @@ impl RaySamples {
     }
 }
 
-/// Features, and what `geo` says of them, at some rows of points.
-fn features(
+/// A volume's samples at some rows of points, whose densities go to the same rows of `density`.
+fn trunk(
     points: &CubeTensor,
     spec: &FieldSpec,
     weights: &Volume<CubeTensor>,
     volume: usize,
     rows: Rows<'_>,
-) -> (Encoded, CubeTensor) {
-    let (grid, own) = (&spec.grids[volume], &spec.volumes[volume]);
+    density: &CubeTensor,
+) -> TrunkTape {
+    let grid = &spec.grids[volume];
     let encoded = empty(points, [rows.most(), grid.outputs()]);
     hash_grid::encode_into(points, &weights.encoded, grid, rows, &encoded);
-    let features = empty(points, [rows.most(), own.base.outputs()]);
-    mlp::forward_into(&encoded, &weights.base, &own.base, rows, &features);
-    let raw = empty(points, [rows.most(), 1]);
-    mlp::forward_into(&features, &weights.geo, &own.geo, rows, &raw);
-    (Encoded { encoded, features }, raw)
-}
-
-struct Encoded {
-    encoded: CubeTensor,
-    features: CubeTensor,
+    TrunkTape::new(encoded, &spec.volumes[volume], weights, rows, density)
 }
 
 /// What rays should look like, and what else counts.
@@ -301,99 +299,32 @@ pub fn descend(
     let points = &samples.marched.points;
     let weights = weights.clone().map(|volume| volume.map(primitive));
     let views = targets.views.clone().map(primitive);
-    let shaded = Shaded::new(spec, samples, &weights, views.as_ref());
     let layout = samples.layout(true);
-    let pixels = composite::forward(&layout, &shaded.density, &shaded.colours);
+    let density = empty(points, [samples.count()]);
+    let trunks = [0, 1].map(|v| trunk(points, spec, &weights[v], v, samples.rows(v), &density));
+    let apps = weights.each_ref().map(|volume| &volume.app);
+    let features = trunks.each_ref().map(|trunk| &trunk.features);
+    let (seen, colours) = shade(&spec.volumes, samples, features, apps, views.as_ref());
+    let pixels = composite::forward(&layout, &density, &colours);
     let wanted = Uploaded::f32(points, &targets.colours);
     let counted = [targets.depth, targets.distortion];
     let ([loss, error], pixel_grads) = radiance::pixel_loss(&pixels, &wanted, counted);
-    let (density, colours) =
-        composite::backward(&layout, &shaded.density, &shaded.colours, &pixel_grads);
-    let gradients = [0, 1].map(|v| shaded.back(spec, samples, &weights, v, [&density, &colours]));
+    let (density_grads, colour_grads) =
+        composite::backward(&layout, &density, &colours, &pixel_grads);
+    let gradients = [0, 1].map(|v| {
+        let (own, rows) = (&spec.volumes[v], samples.rows(v));
+        let grads = [&density_grads, &colour_grads];
+        let grads = trunks[v].back(own, &weights[v], &seen[v], rows, grads);
+        let table = hash_grid::encode_backward(points, &grads.encoded, &spec.grids[v], rows);
+        Volume {
+            encoded: table,
+            ..grads
+        }
+    });
     Descent {
         loss: tensor(CubeBackend::float_cat(vec![loss, error], 0)),
-        densities: tensor(shaded.density),
+        densities: tensor(density),
         gradients: gradients.map(|volume| volume.map(tensor)),
-    }
-}
-
-/// Samples on their way to colours and back.
-struct Shaded {
-    encoded: [Encoded; 2],
-    raw: [CubeTensor; 2],
-    seen: [CubeTensor; 2],
-    /// Of both volumes.
-    density: CubeTensor,
-    colours: CubeTensor,
-}
-
-impl Shaded {
-    fn new(
-        spec: &FieldSpec,
-        samples: &RaySamples,
-        weights: &[Volume<CubeTensor>; 2],
-        views: Option<&CubeTensor>,
-    ) -> Self {
-        let points = &samples.marched.points;
-        let density = empty(points, [samples.count()]);
-        let [inner, outer] = [0, 1].map(|v| {
-            let rows = samples.rows(v);
-            let (encoded, raw) = features(points, spec, &weights[v], v, rows);
-            radiance::densities(&raw, spec.volumes[v].density, rows, &density);
-            (encoded, raw)
-        });
-        let apps = weights.each_ref().map(|volume| &volume.app);
-        let both = [&inner.0.features, &outer.0.features];
-        let (seen, colours) = shade(&spec.volumes, samples, both, apps, views);
-        Self {
-            encoded: [inner.0, outer.0],
-            raw: [inner.1, outer.1],
-            seen,
-            density,
-            colours,
-        }
-    }
-
-    fn back(
-        &self,
-        spec: &FieldSpec,
-        samples: &RaySamples,
-        weights: &[Volume<CubeTensor>; 2],
-        v: usize,
-        [density, colours]: [&CubeTensor; 2],
-    ) -> Volume<CubeTensor> {
-        let (own, volume, rows) = (&spec.volumes[v], &weights[v], samples.rows(v));
-        let Encoded { encoded, features } = &self.encoded[v];
-        let like = |of: &CubeTensor| empty(of, of.meta.shape().clone());
-        let from_app = like(&self.seen[v]);
-        let app = mlp::backward_into(
-            &self.seen[v],
-            &volume.app,
-            colours,
-            &own.app,
-            rows,
-            Some(&from_app),
-        );
-        let raw = radiance::densities_back((&self.raw[v], own.density), density, rows);
-        let from_geo = like(features);
-        let geo = mlp::backward_into(features, &volume.geo, &raw, &own.geo, rows, Some(&from_geo));
-        let of_features = radiance::joined(from_app, from_geo);
-        let of_encoded = like(encoded);
-        let base = mlp::backward_into(
-            encoded,
-            &volume.base,
-            &of_features,
-            &own.base,
-            rows,
-            Some(&of_encoded),
-        );
-        let points = &samples.marched.points;
-        Volume {
-            encoded: hash_grid::encode_backward(points, &of_encoded, &spec.grids[v], rows),
-            base,
-            geo,
-            app,
-        }
     }
 }
 
@@ -414,8 +345,7 @@ fn shade(
         assert_eq!(length, view * samples.rays(), "encoded views");
         let seen = match views {
             Some(views) => {
-                let views = (&Uploaded::of(views), view);
-                radiance::with_views(features[v], views, &layout, (v as u32, 0))
+                radiance::with_views(features[v], &Uploaded::of(views), view, &layout, v, 0)
             }
             None => features[v].clone(),
         };
@@ -458,10 +388,8 @@ pub fn evaluate(
     let points = &samples.marched.points;
     let density = empty(points, [samples.count()]);
     let features = [0, 1].map(|v| {
-        let (volume, rows) = (weights[v].clone().map(primitive), samples.rows(v));
-        let (encoded, raw) = features(points, spec, &volume, v, rows);
-        radiance::densities(&raw, spec.volumes[v].density, rows, &density);
-        encoded.features
+        let volume = weights[v].clone().map(primitive);
+        trunk(points, spec, &volume, v, samples.rows(v), &density).features
     });
     FieldSamples {
         samples,

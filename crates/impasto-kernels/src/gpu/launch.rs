@@ -2,12 +2,13 @@
 
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::{DType, Shape, TensorData};
-use burn_cubecl::CubeBackend;
 use burn_cubecl::cubecl::server::Handle;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::ops::numeric::{empty_device_contiguous_dtype, zeros_client};
 use burn_cubecl::tensor::CubeTensor;
+use burn_cubecl::{CubeBackend, CubeDevice};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// Units of a cube where they do not work together.
 pub(crate) const UNITS: u32 = 128;
@@ -106,6 +107,31 @@ impl Uploaded {
     pub(crate) fn argument(&self) -> BufferArg {
         // SAFETY: the buffer was made with this length.
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
+    }
+}
+
+/// What was uploaded of things that still exist, with the device that it is on.
+pub(crate) struct Uploads<K, V>(Mutex<Vec<(Weak<K>, CubeDevice, V)>>);
+
+impl<K, V: Clone> Uploads<K, V> {
+    pub(crate) const fn new() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+
+    /// What was uploaded of `key` to the device of `like`, or else what `make` uploads there.
+    pub(crate) fn of(&self, key: &Arc<K>, like: &CubeTensor, make: impl FnOnce() -> V) -> V {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = Arc::downgrade(key);
+        let found = known
+            .iter()
+            .find(|(other, device, _)| other.ptr_eq(&own) && *device == like.device);
+        if let Some((_, _, found)) = found {
+            return found.clone();
+        }
+        known.retain(|(other, ..)| other.strong_count() > 0);
+        let made = make();
+        known.push((own, like.device.clone(), made.clone()));
+        made
     }
 }
 

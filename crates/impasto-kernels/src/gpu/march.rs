@@ -2,9 +2,9 @@
 //! each volume's grid expects along the ray, the second cuts it into equal parts, a sample for each.
 //! Between the two, one cube counts where every ray's samples begin.
 
-use super::launch::{UNITS, argument, cube, cubes_for, empty, empty_u32, is_finite};
+use super::launch::{UNITS, Uploaded, argument, cube, cubes_for, empty, empty_u32, is_finite};
 use crate::cpu::density_grid::DensityGrid;
-use crate::sampling::{LEAST_LIGHT, OccupancySpec};
+use crate::sampling::{LEAST_TRANSMITTANCE, OccupancySpec};
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
 
@@ -216,7 +216,7 @@ fn weight(
     );
     let level = levels[x + side * (y + side * z)] as usize;
     let mut taken = reaching * (1.0 - table[from_table + level]);
-    taken = select(reaching < LEAST_LIGHT, 0.0f32, taken);
+    taken = select(reaching < LEAST_TRANSMITTANCE, 0.0f32, taken);
     if outer {
         taken = select(i + 1 == comptime!(shape.outer_steps), reaching, taken);
     }
@@ -437,10 +437,6 @@ fn cut(
 
 /// Second walk: the samples.
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn place_kernel(
     rays: &[f32],
     inner: &[u32],
@@ -496,8 +492,20 @@ pub(crate) struct Marched {
     pub(crate) bounds: CubeTensor,
 }
 
-/// Samples of rays, `[rays, RAY]`, by the levels of both volumes' grids; those that are expected to
-/// have a smaller weight than `least_weight` count for nothing.
+impl Marched {
+    /// Room for so many samples.
+    fn empty(rays: &CubeTensor, samples: usize) -> Self {
+        Self {
+            points: empty(rays, [samples, 3]),
+            spans: empty_u32(rays, 4 * rays.meta.shape()[0]),
+            steps: empty(rays, [4, samples]),
+            bounds: empty_u32(rays, 3),
+        }
+    }
+}
+
+/// Samples of rays, `[rays, RAY]`, by the levels of both volumes' grids; those that
+/// are expected to have a smaller weight than `least_weight` count for nothing.
 ///
 /// # Panics
 /// If there are no rays.
@@ -512,14 +520,9 @@ pub(crate) fn march(
     assert!(count > 0, "rays to march");
     let shape = Shape::of(spec, sides, least_weight);
     let n = count * shape.samples;
-    let table = super::launch::Uploaded::f32(rays, &table(spec));
+    let table = Uploaded::f32(rays, &table(spec));
     let (counts, masses) = (empty_u32(rays, count), empty(rays, [count, 2]));
-    let marched = Marched {
-        points: empty(rays, [n, 3]),
-        spans: empty_u32(rays, 4 * count),
-        steps: empty(rays, [4, n]),
-        bounds: empty_u32(rays, 3),
-    };
+    let marched = Marched::empty(rays, n);
     let client = &rays.client;
     // SAFETY: units look at their own ray; spans divide `n` among them; cells lie inside the grids.
     unsafe {

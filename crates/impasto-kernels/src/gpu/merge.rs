@@ -1,7 +1,7 @@
 //! A ray's samples merged to one per volume: what lies where, then the means of features, one unit
 //! a number.
 
-use super::composite::Layout;
+use super::composite::DeviceLayout;
 use super::launch::{argument, cube, cubes_for, empty};
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
@@ -103,10 +103,6 @@ fn gather(
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn weigh_kernel(
     sigma: &[f32],
     spans: &[u32],
@@ -153,7 +149,7 @@ fn weigh_kernel(
 }
 
 /// What the samples of rays come to, volume by volume.
-pub(crate) fn merge(layout: &Layout, sigma: &CubeTensor, points: &CubeTensor) -> Merged {
+pub(crate) fn merge(layout: &DeviceLayout, sigma: &CubeTensor, points: &CubeTensor) -> Merged {
     let (rays, samples) = (layout.rays, layout.samples);
     let merged = Merged {
         shares: empty(sigma, [samples]),
@@ -210,7 +206,7 @@ fn mean_kernel(
 
 /// Mean features of one volume's samples of each ray, `[rays, width]`; zero where there are none.
 pub(crate) fn means(
-    layout: &Layout,
+    layout: &DeviceLayout,
     features: &CubeTensor,
     shares: &CubeTensor,
     volume: u32,

@@ -1,10 +1,10 @@
 //! From encoded samples to a photometric loss and back, out of the other kernels.
 
-use super::composite::Layout;
+use super::composite::DeviceLayout;
 use super::launch::{Rows, Uploaded, argument, cube, cubes_for, empty, extent, whole};
 use super::{composite, mlp};
-use crate::cpu::radiance::LIMIT;
-use crate::{Density, RadianceSpec, Volume, VolumeSpec};
+use crate::cpu::radiance::spec::{CHANNELS, DEPTH, DISTORTION, LIMIT, OUTPUTS};
+use crate::{Density, MlpSpec, RadianceSpec, Volume, VolumeSpec};
 use burn::backend::ops::FloatTensorOps;
 use burn::tensor::Slice;
 use burn_cubecl::CubeBackend;
@@ -102,24 +102,26 @@ fn loss_kernel(
     let ray = ABSOLUTE_POS;
     if ray < rays as usize {
         let share = 1.0f32 / f32::cast_from(rays);
-        let at = ray * 6;
+        let at = ray * OUTPUTS;
         let mut error = 0.0f32;
         #[unroll]
-        for c in 0..3usize {
-            let off = pixels[at + c] - targets[ray * 3 + c];
+        for c in 0..CHANNELS {
+            let off = pixels[at + c] - targets[ray * CHANNELS + c];
             error += off * off / 3.0f32;
             grad[at + c] = off * share * 2.0f32 / 3.0f32;
         }
-        grad[at + 3] = 0.0f32;
-        grad[at + 4] = depth * share;
-        grad[at + 5] = distortion * share;
+        // Of the opacity.
+        grad[at + CHANNELS] = 0.0f32;
+        grad[at + DEPTH] = depth * share;
+        grad[at + DISTORTION] = distortion * share;
         errors[ray] = error * share;
-        losses[ray] = (error + depth * pixels[at + 4] + distortion * pixels[at + 5]) * share;
+        let with_depth = error + depth * pixels[at + DEPTH];
+        losses[ray] = (with_depth + distortion * pixels[at + DISTORTION]) * share;
     }
 }
 
 /// Densities of some rows of what `geo` says.
-pub(crate) fn densities(raw: &CubeTensor, density: Density, rows: Rows<'_>, out: &CubeTensor) {
+fn densities(raw: &CubeTensor, density: Density, rows: Rows<'_>, out: &CubeTensor) {
     if rows.most() == 0 {
         return;
     }
@@ -143,8 +145,9 @@ pub(crate) fn densities(raw: &CubeTensor, density: Density, rows: Rows<'_>, out:
 
 /// The gradient of some rows of what `geo` says, by that of densities, in the same places of a new
 /// tensor.
-pub(crate) fn densities_back(
-    (raw, density): (&CubeTensor, Density),
+fn densities_back(
+    raw: &CubeTensor,
+    density: Density,
     grad: &CubeTensor,
     rows: Rows<'_>,
 ) -> CubeTensor {
@@ -175,9 +178,11 @@ pub(crate) fn densities_back(
 /// many rows. A volume's rows begin behind `before` samples of the layout.
 pub(crate) fn with_views(
     features: &CubeTensor,
-    (views, view): (&Uploaded, usize),
-    layout: &Layout,
-    (volume, before): (u32, usize),
+    views: &Uploaded,
+    view: usize,
+    layout: &DeviceLayout,
+    volume: usize,
+    before: usize,
 ) -> CubeTensor {
     let [samples, width] = [0, 1].map(|axis| features.meta.shape()[axis]);
     if samples == 0 || view == 0 || layout.rays == 0 {
@@ -195,7 +200,7 @@ pub(crate) fn with_views(
             layout.spans.argument(),
             argument(&seen),
             layout.rays as u32,
-            volume,
+            volume as u32,
             before as u32,
             width,
             view,
@@ -204,62 +209,56 @@ pub(crate) fn with_views(
     seen
 }
 
-/// One volume's samples on their way to colours and back.
-struct Shaded {
-    features: CubeTensor,
+/// One volume's samples on their way to features and densities, and back.
+pub(crate) struct TrunkTape {
+    encoded: CubeTensor,
+    pub(crate) features: CubeTensor,
     raw: CubeTensor,
-    density: CubeTensor,
-    seen: CubeTensor,
-    colours: CubeTensor,
 }
 
-impl Shaded {
-    fn new(
-        (volume, own): (&Volume<CubeTensor>, &VolumeSpec),
-        views: &Uploaded,
-        layout: &Layout,
-        place: (u32, usize),
+impl TrunkTape {
+    /// Some rows of encoded samples, whose densities go to the same rows of `density`.
+    pub(crate) fn new(
+        encoded: CubeTensor,
+        own: &VolumeSpec,
+        weights: &Volume<CubeTensor>,
+        rows: Rows<'_>,
+        density: &CubeTensor,
     ) -> Self {
-        let encoded = &volume.encoded;
-        let features = mlp::forward(encoded, &volume.base, &own.base);
-        let raw = mlp::forward(&features, &volume.geo, &own.geo);
-        let samples = features.meta.shape()[0];
-        let density = empty(encoded, [samples]);
-        densities(&raw, own.density, Rows::all(samples), &density);
-        let view = own.app.inputs() - own.base.outputs();
-        let seen = with_views(&features, (views, view), layout, place);
-        let colours = mlp::forward(&seen, &volume.app, &own.app);
+        let features = empty(&encoded, [rows.most(), own.base.outputs()]);
+        mlp::forward_into(&encoded, &weights.base, &own.base, rows, &features);
+        let raw = empty(&encoded, [rows.most(), 1]);
+        mlp::forward_into(&features, &weights.geo, &own.geo, rows, &raw);
+        densities(&raw, own.density, rows, density);
         Self {
+            encoded,
             features,
             raw,
-            density,
-            seen,
-            colours,
         }
     }
 
-    /// Gradients of the volume's numbers, given those of its densities and colours.
-    fn back(
+    /// Gradients of a volume's numbers by those of its densities and colours; `seen` is the input
+    /// of `app`.
+    pub(crate) fn back(
         &self,
-        (volume, own): (&Volume<CubeTensor>, &VolumeSpec),
-        (density, colours): (CubeTensor, CubeTensor),
+        own: &VolumeSpec,
+        weights: &Volume<CubeTensor>,
+        seen: &CubeTensor,
+        rows: Rows<'_>,
+        [density, colours]: [&CubeTensor; 2],
     ) -> Volume<CubeTensor> {
-        let rows = Rows::all(self.features.meta.shape()[0]);
-        let (seen, app) = mlp::backward(&self.seen, &volume.app, &colours, &own.app, true);
-        let raw = densities_back((&self.raw, own.density), &density, rows);
-        let (from_geo, geo) = mlp::backward(&self.features, &volume.geo, &raw, &own.geo, true);
-        let (Some(seen), Some(from_geo)) = (seen, from_geo) else {
-            unreachable!("both were asked for");
+        let back = |x: &CubeTensor, params: &CubeTensor, grad: &CubeTensor, spec: &MlpSpec| {
+            let input_grad = empty(x, x.meta.shape().clone());
+            let params_grad = mlp::backward_into(x, params, grad, spec, rows, Some(&input_grad));
+            (input_grad, params_grad)
         };
-        let features = joined(seen, from_geo);
-        let (encoded, base) =
-            mlp::backward(&volume.encoded, &volume.base, &features, &own.base, true);
-        let Some(encoded) = encoded else {
-            unreachable!("it was asked for");
-        };
-        let length = encoded.meta.num_elements();
+        let (from_app, app) = back(seen, &weights.app, colours, &own.app);
+        let raw = densities_back(&self.raw, own.density, density, rows);
+        let (from_geo, geo) = back(&self.features, &weights.geo, &raw, &own.geo);
+        let of_features = joined(from_app, from_geo);
+        let (encoded, base) = back(&self.encoded, &weights.base, &of_features, &own.base);
         Volume {
-            encoded: CubeBackend::float_reshape(encoded, [length].into()),
+            encoded,
             base,
             geo,
             app,
@@ -268,7 +267,7 @@ impl Shaded {
 }
 
 /// The gradient of features: what `app` says of them, without that of views, and what `geo` says.
-pub(crate) fn joined(seen: CubeTensor, from_geo: CubeTensor) -> CubeTensor {
+fn joined(seen: CubeTensor, from_geo: CubeTensor) -> CubeTensor {
     let [samples, width] = [0, 1].map(|axis| from_geo.meta.shape()[axis]);
     let of_features = [Slice::from(0..samples), Slice::from(0..width)];
     let from_app = CubeBackend::float_slice(seen, &of_features);
@@ -284,7 +283,7 @@ pub(crate) fn pixel_loss(
 ) -> ([CubeTensor; 2], CubeTensor) {
     let rays = pixels.meta.shape()[0];
     let (errors, losses) = (empty(pixels, [rays]), empty(pixels, [rays]));
-    let pixel_grads = empty(pixels, [rays, 6]);
+    let pixel_grads = empty(pixels, [rays, OUTPUTS]);
     if rays > 0 {
         // SAFETY: units look at their own ray.
         unsafe {
@@ -329,15 +328,20 @@ pub(crate) fn loss(
         }
     });
     let like = &volumes[0].base;
-    let layout = Layout::of(like, &spec.layout);
+    let layout = DeviceLayout::of(like, &spec.layout);
     let views = Uploaded::f32(like, &spec.views);
-    let shaded = [0, 1].map(|v| {
-        let place = (v as u32, v * counts[0]);
-        Shaded::new((&volumes[v], &spec.volumes[v]), &views, &layout, place)
+    let [inner, outer] = [0, 1].map(|v| {
+        let (volume, own) = (&volumes[v], &spec.volumes[v]);
+        let density = empty(like, [counts[v]]);
+        let encoded = volume.encoded.clone();
+        let trunk = TrunkTape::new(encoded, own, volume, Rows::all(counts[v]), &density);
+        let view = own.app.inputs() - own.base.outputs();
+        let seen = with_views(&trunk.features, &views, view, &layout, v, v * counts[0]);
+        let colours = mlp::forward(&seen, &volume.app, &own.app);
+        (trunk, seen, density, colours)
     });
-    let [inner, outer] = &shaded;
-    let densities = CubeBackend::float_cat(vec![inner.density.clone(), outer.density.clone()], 0);
-    let colours = CubeBackend::float_cat(vec![inner.colours.clone(), outer.colours.clone()], 0);
+    let densities = CubeBackend::float_cat(vec![inner.2, outer.2], 0);
+    let colours = CubeBackend::float_cat(vec![inner.3, outer.3], 0);
     let pixels = composite::forward(&layout, &densities, &colours);
     let targets = Uploaded::f32(like, &spec.targets);
     let weights = [spec.depth, spec.distortion];
@@ -345,23 +349,19 @@ pub(crate) fn loss(
     let (density_grads, colour_grads) =
         composite::backward(&layout, &densities, &colours, &pixel_grads);
     let out = CubeBackend::float_cat(vec![losses, errors, densities], 0);
-    let split = |from: usize, to: usize, tensor: &CubeTensor| {
-        whole(CubeBackend::float_slice(
-            tensor.clone(),
-            &[Slice::from(from..to)],
-        ))
-    };
-    let all = counts[0] + counts[1];
-    let parts = [(0, counts[0]), (counts[0], all)].map(|(from, to)| {
-        (
-            split(from, to, &density_grads),
-            split(from, to, &colour_grads),
-        )
+    let trunks = [(inner.0, inner.1), (outer.0, outer.1)];
+    let grads = [0, 1].map(|v| {
+        let own_rows = Slice::from(v * counts[0]..v * counts[0] + counts[v]);
+        let part = |all: &CubeTensor| whole(CubeBackend::float_slice(all.clone(), &[own_rows]));
+        let parts = [part(&density_grads), part(&colour_grads)];
+        let (trunk, seen) = &trunks[v];
+        let rows = Rows::all(counts[v]);
+        let grads = trunk.back(&spec.volumes[v], &volumes[v], seen, rows, parts.each_ref());
+        let length = grads.encoded.meta.num_elements();
+        Volume {
+            encoded: CubeBackend::float_reshape(grads.encoded, [length].into()),
+            ..grads
+        }
     });
-    let [inner_part, outer_part] = parts;
-    let grads = [
-        inner.back((&volumes[0], &spec.volumes[0]), inner_part),
-        outer.back((&volumes[1], &spec.volumes[1]), outer_part),
-    ];
     (out, grads)
 }

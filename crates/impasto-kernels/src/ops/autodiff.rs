@@ -4,12 +4,12 @@ use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::{
     AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
 };
-use burn::backend::Autodiff;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::autodiff::ops::{Backward, NodeGuard, Ops, OpsKind, unary};
 use burn::backend::tensor::FloatTensor;
+use burn::backend::{Autodiff, Backend};
 use burn::tensor::Slice;
 use std::sync::Arc;
 
@@ -21,11 +21,10 @@ impl<B: KernelGrad> Backward<B, 1> for HashEncode {
     type State = (FloatTensor<B>, HashGridSpec);
 
     fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let grad = grads.consume::<B>(&ops.node);
-        let ([table], (points, spec)) = (ops.parents, ops.state);
-        if let Some(node) = table {
-            grads.register::<B>(node.id, B::hash_encode_backward(points, grad, spec));
-        }
+        let (points, spec) = ops.state;
+        unary::<B, _>(ops.parents, ops.node, grads, |grad| {
+            B::hash_encode_backward(points, grad, spec)
+        });
     }
 }
 
@@ -77,11 +76,10 @@ impl<B: KernelGrad> Backward<B, 1> for Perceptual {
     type State = (B::PerceptualTape, Arc<PerceptualStack>);
 
     fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let grad = grads.consume::<B>(&ops.node);
-        let ([image], (tape, stack)) = (ops.parents, ops.state);
-        if let Some(node) = image {
-            grads.register::<B>(node.id, B::perceptual_backward(tape, grad, &stack));
-        }
+        let (tape, stack) = ops.state;
+        unary::<B, _>(ops.parents, ops.node, grads, |grad| {
+            B::perceptual_backward(tape, grad, &stack)
+        });
     }
 }
 
@@ -105,6 +103,19 @@ impl<B: KernelGrad> Backward<B, 8> for RadianceLoss {
     }
 }
 
+/// Puts a result into the graph, with the step back to where it came from.
+fn finished<B: Backend, C: CheckpointStrategy, S: Backward<B, N>, const N: usize>(
+    step: S,
+    nodes: [NodeGuard; N],
+    state: S::State,
+    out: FloatTensor<B>,
+) -> FloatTensor<Autodiff<B, C>> {
+    match step.prepare::<C>(nodes).compute_bound().stateful() {
+        OpsKind::Tracked(prep) => prep.finish(state, out),
+        OpsKind::UnTracked(prep) => prep.finish(out),
+    }
+}
+
 impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B, C> {
     fn hash_encode(
         points: FloatTensor<Self>,
@@ -113,10 +124,7 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
     ) -> FloatTensor<Self> {
         let (points, (table, node)) = (points.into_primitive(), table.into_parts());
         let out = B::hash_encode(points.clone(), table, spec);
-        match HashEncode.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish((points, spec), out),
-            OpsKind::UnTracked(prep) => prep.finish(out),
-        }
+        finished::<B, C, _, 1>(HashEncode, [node], (points, spec), out)
     }
 
     fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self> {
@@ -136,14 +144,7 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
     ) -> FloatTensor<Self> {
         let ((x, x_node), (params, params_node)) = (x.into_parts(), params.into_parts());
         let out = out.into_primitive();
-        match Mlp
-            .prepare::<C>([x_node, params_node])
-            .compute_bound()
-            .stateful()
-        {
-            OpsKind::Tracked(prep) => prep.finish((x, params, spec), out),
-            OpsKind::UnTracked(prep) => prep.finish(out),
-        }
+        finished::<B, C, _, 2>(Mlp, [x_node, params_node], (x, params, spec), out)
     }
 
     fn composite(
@@ -154,14 +155,8 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
         let ((sigma, sigma_node), (colours, colour_node)) =
             (sigma.into_parts(), colours.into_parts());
         let out = B::composite(sigma.clone(), colours.clone(), Arc::clone(&layout));
-        match Composite
-            .prepare::<C>([sigma_node, colour_node])
-            .compute_bound()
-            .stateful()
-        {
-            OpsKind::Tracked(prep) => prep.finish((sigma, colours, layout), out),
-            OpsKind::UnTracked(prep) => prep.finish(out),
-        }
+        let state = (sigma, colours, layout);
+        finished::<B, C, _, 2>(Composite, [sigma_node, colour_node], state, out)
     }
 
     fn radiance_loss(volumes: RadianceVolumes<Self>, spec: Arc<RadianceSpec>) -> FloatTensor<Self> {
@@ -200,20 +195,10 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
 
     /// An optimiser's update is no part of a graph: gradients stop here.
     fn adam(state: AdamState<Self>, grad: FloatTensor<Self>, step: AdamStep) -> AdamState<Self> {
-        let inner = AdamState {
-            param: state.param.into_primitive(),
-            first: state.first.into_primitive(),
-            second: state.second.into_primitive(),
-        };
-        let AdamState {
-            param,
-            first,
-            second,
-        } = B::adam(inner, grad.into_primitive(), step);
-        AdamState {
-            param: Self::FloatTensorPrimitive::new(param),
-            first: Self::FloatTensorPrimitive::new(first),
-            second: Self::FloatTensorPrimitive::new(second),
-        }
+        let state = state
+            .into_array()
+            .map(Self::FloatTensorPrimitive::into_primitive);
+        let state = B::adam(AdamState::from_array(state), grad.into_primitive(), step);
+        AdamState::from_array(state.into_array().map(Self::FloatTensorPrimitive::new))
     }
 }

@@ -1,8 +1,8 @@
 //! GPUs: tensors stay where they are.
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
-use crate::gpu::composite::Layout;
-use crate::gpu::launch::whole;
+use crate::gpu::composite::DeviceLayout;
+use crate::gpu::launch::{copied, whole};
 use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance};
 use crate::{
     AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
@@ -21,10 +21,10 @@ impl KernelOps for CubeBackend {
 
     fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
         let (x, params) = (whole(x), whole(params));
-        match mlp::fits(&spec) {
-            true => mlp::forward(&x, &params, &spec),
-            false => plain_mlp::forward::<Self>(x, &params, &spec),
+        if mlp::fits(&spec) {
+            return mlp::forward(&x, &params, &spec);
         }
+        plain_mlp::forward::<Self>(x, &params, &spec)
     }
 
     fn mlp_again(_: Primitive, _: Primitive, out: Primitive, _: MlpSpec) -> Primitive {
@@ -33,7 +33,7 @@ impl KernelOps for CubeBackend {
 
     fn composite(sigma: Primitive, colours: Primitive, layout: Arc<CompositeLayout>) -> Primitive {
         let sigma = whole(sigma);
-        composite::forward(&Layout::of(&sigma, &layout), &sigma, &whole(colours))
+        composite::forward(&DeviceLayout::of(&sigma, &layout), &sigma, &whole(colours))
     }
 
     fn perceptual(image: Primitive, stack: Arc<PerceptualStack>) -> Primitive {
@@ -45,28 +45,21 @@ impl KernelOps for CubeBackend {
     }
 
     fn adam(state: AdamState<Self>, grad: Primitive, step: AdamStep) -> AdamState<Self> {
-        let AdamState {
-            param,
-            first,
-            second,
-        } = state;
         // What somebody else holds must stay as it is.
-        let own = [param, first, second].map(|tensor| match tensor.handle.can_mut() {
-            true => whole(tensor),
-            false => crate::gpu::launch::copied(&tensor),
+        let own = state.into_array().map(|tensor| {
+            if tensor.handle.can_mut() {
+                whole(tensor)
+            } else {
+                copied(&tensor)
+            }
         });
         adam::update(own.each_ref(), &whole(grad), &step);
-        let [param, first, second] = own;
-        AdamState {
-            param,
-            first,
-            second,
-        }
+        AdamState::from_array(own)
     }
 }
 
 impl KernelGrad for CubeBackend {
-    type PerceptualTape = perceptual::Tape;
+    type PerceptualTape = perceptual::StackTape;
 
     fn hash_encode_backward(points: Primitive, grad: Primitive, spec: HashGridSpec) -> Primitive {
         hash_grid::spread(&whole(points), &whole(grad), &spec)
@@ -98,7 +91,7 @@ impl KernelGrad for CubeBackend {
     ) -> (Primitive, Primitive) {
         layout.in_order();
         let sigma = whole(sigma);
-        let device = Layout::of(&sigma, &layout);
+        let device = DeviceLayout::of(&sigma, &layout);
         composite::backward(&device, &sigma, &whole(colours), &whole(grad))
     }
 
@@ -115,7 +108,7 @@ impl KernelGrad for CubeBackend {
 
     fn perceptual_taped(
         image: Primitive,
-        stack: &PerceptualStack,
+        stack: &Arc<PerceptualStack>,
     ) -> (Primitive, Self::PerceptualTape) {
         perceptual::forward(image, stack)
     }

@@ -15,14 +15,6 @@ use std::sync::Arc;
 
 type Primitive = FloatTensor<Flex>;
 
-/// Runs `f` on a tensor's numbers, copying only what is not contiguous.
-fn with<R>(tensor: &Primitive, f: impl FnOnce(&[f32]) -> R) -> R {
-    match tensor.as_slice::<f32>() {
-        Some(slice) => f(slice),
-        None => f(tensor.to_contiguous().storage::<f32>()),
-    }
-}
-
 /// The numbers of a tensor where they lie, if that is in the CPU's memory.
 #[derive(Debug, Clone)]
 pub struct OnHost(Primitive);
@@ -31,10 +23,19 @@ impl OnHost {
     /// `None` for tensors of other devices and of autodiff graphs.
     pub fn of<const D: usize>(tensor: &Tensor<D>) -> Option<Self> {
         let primitive = tensor.clone().try_into_primitive::<Flex>().ok()?;
-        Some(Self(match primitive.as_slice::<f32>() {
-            Some(_) => primitive,
-            None => primitive.to_contiguous(),
-        }))
+        Some(Self::new(primitive))
+    }
+
+    /// Copies only what is not contiguous.
+    fn new(tensor: Primitive) -> Self {
+        Self(match tensor.as_slice::<f32>() {
+            Some(_) => tensor,
+            None => tensor.to_contiguous(),
+        })
+    }
+
+    fn rows(&self) -> usize {
+        self.0.shape()[0]
     }
 }
 
@@ -51,27 +52,17 @@ fn tensor(data: Vec<f32>, shape: impl Into<Shape>) -> Primitive {
     Primitive::from_data(TensorData::new(data, shape))
 }
 
-/// Makes a tensor the only content of its storage, in order: `storage_mut` hands out the whole
-/// buffer, which a view shares with others. An unshared buffer is kept.
-fn make_whole(tensor: &mut Primitive) {
-    *tensor = tensor.to_contiguous();
-}
-
-fn rows(tensor: &Primitive) -> usize {
-    tensor.shape()[0]
-}
-
 impl KernelOps for Flex {
     fn hash_encode(points: Primitive, table: Primitive, spec: HashGridSpec) -> Primitive {
-        let out = with(&points, |p| {
-            with(&table, |t| hash_grid::forward(&spec, p, t))
-        });
-        tensor(out, [rows(&points), spec.outputs()])
+        let [points, table] = [points, table].map(OnHost::new);
+        let out = hash_grid::forward(&spec, &points, &table);
+        tensor(out, [points.rows(), spec.outputs()])
     }
 
     fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
-        let out = with(&x, |x| with(&params, |p| mlp::forward(&spec, x, p)));
-        tensor(out, [rows(&x), spec.outputs()])
+        let [x, params] = [x, params].map(OnHost::new);
+        let out = mlp::forward(&spec, &x, &params);
+        tensor(out, [x.rows(), spec.outputs()])
     }
 
     fn mlp_again(_: Primitive, _: Primitive, out: Primitive, _: MlpSpec) -> Primitive {
@@ -80,9 +71,8 @@ impl KernelOps for Flex {
 
     fn composite(sigma: Primitive, colours: Primitive, layout: Arc<CompositeLayout>) -> Primitive {
         let channels = colours.shape()[1];
-        let out = with(&sigma, |s| {
-            with(&colours, |c| composite::forward(&layout, s, c, channels))
-        });
+        let [sigma, colours] = [sigma, colours].map(OnHost::new);
+        let out = composite::forward(&layout, &sigma, &colours, channels);
         tensor(out, [layout.rays.len(), CompositeLayout::outputs(channels)])
     }
 
@@ -95,28 +85,12 @@ impl KernelOps for Flex {
     }
 
     fn adam(state: AdamState<Self>, grad: Primitive, step: AdamStep) -> AdamState<Self> {
-        let AdamState {
-            mut param,
-            mut first,
-            mut second,
-        } = state;
-        for tensor in [&mut param, &mut first, &mut second] {
-            make_whole(tensor);
-        }
-        with(&grad, |grad| {
-            adam::update(
-                param.storage_mut::<f32>(),
-                first.storage_mut::<f32>(),
-                second.storage_mut::<f32>(),
-                grad,
-                &step,
-            );
-        });
-        AdamState {
-            param,
-            first,
-            second,
-        }
+        // `storage_mut` hands out the whole buffer, which a view shares with others: each becomes the
+        // only content of its storage, in order. An unshared buffer is kept.
+        let mut own = state.into_array().map(|tensor| tensor.to_contiguous());
+        let [param, first, second] = own.each_mut().map(Primitive::storage_mut::<f32>);
+        adam::update(param, first, second, &OnHost::new(grad), &step);
+        AdamState::from_array(own)
     }
 }
 
@@ -124,9 +98,8 @@ impl KernelGrad for Flex {
     type PerceptualTape = Arc<PerceptualTape>;
 
     fn hash_encode_backward(points: Primitive, grad: Primitive, spec: HashGridSpec) -> Primitive {
-        let out = with(&points, |p| {
-            with(&grad, |g| hash_grid::backward(&spec, p, g))
-        });
+        let [points, grad] = [points, grad].map(OnHost::new);
+        let out = hash_grid::backward(&spec, &points, &grad);
         tensor(out, [spec.params()])
     }
 
@@ -137,13 +110,10 @@ impl KernelGrad for Flex {
         spec: MlpSpec,
         need_input: bool,
     ) -> (Option<Primitive>, Primitive) {
-        let (input, weights) = with(&x, |x| {
-            with(&params, |p| {
-                with(&grad, |g| mlp::backward(&spec, x, p, g, need_input))
-            })
-        });
+        let [x, params, grad] = [x, params, grad].map(OnHost::new);
+        let (input, weights) = mlp::backward(&spec, &x, &params, &grad, need_input);
         (
-            need_input.then(|| tensor(input, [rows(&x), spec.inputs()])),
+            need_input.then(|| tensor(input, [x.rows(), spec.inputs()])),
             tensor(weights, [spec.params()]),
         )
     }
@@ -155,14 +125,12 @@ impl KernelGrad for Flex {
         layout: Arc<CompositeLayout>,
     ) -> (Primitive, Primitive) {
         let channels = colours.shape()[1];
-        let (s, c) = with(&sigma, |s| {
-            with(&colours, |c| {
-                with(&grad, |g| composite::backward(&layout, s, c, channels, g))
-            })
-        });
+        let [sigma, colours, grad] = [sigma, colours, grad].map(OnHost::new);
+        let (of_sigma, of_colours) =
+            composite::backward(&layout, &sigma, &colours, channels, &grad);
         (
-            tensor(s, [rows(&sigma)]),
-            tensor(c, [rows(&colours), channels]),
+            tensor(of_sigma, [sigma.rows()]),
+            tensor(of_colours, [colours.rows(), channels]),
         )
     }
 
@@ -186,19 +154,18 @@ impl KernelGrad for Flex {
     /// A loss that is the end of its graph has a gradient of one: nothing to do for millions of
     /// numbers.
     fn scaled(tensor: Primitive, factor: Primitive) -> Primitive {
-        if with(&factor, |f| f == [1.0]) {
-            tensor
-        } else {
-            Self::float_mul(tensor, factor)
+        if *OnHost::new(factor.clone()) == [1.0] {
+            return tensor;
         }
+        Self::float_mul(tensor, factor)
     }
 
     fn perceptual_taped(
         image: Primitive,
-        stack: &PerceptualStack,
+        stack: &Arc<PerceptualStack>,
     ) -> (Primitive, Self::PerceptualTape) {
         let shape = image.shape();
-        let (features, tape) = with(&image, |i| stack.forward(i, shape[0], shape[1]));
+        let (features, tape) = stack.forward(&OnHost::new(image), shape[0], shape[1]);
         let length = features.len();
         (tensor(features, [length]), Arc::new(tape))
     }
@@ -209,7 +176,7 @@ impl KernelGrad for Flex {
         stack: &PerceptualStack,
     ) -> Primitive {
         let (height, width) = tape.image_size();
-        let out = with(&grad, |g| stack.backward(&tape, g));
+        let out = stack.backward(&tape, &OnHost::new(grad));
         tensor(out, [height, width, 3])
     }
 }

@@ -94,7 +94,7 @@ pub trait KernelGrad: Backend {
     /// Forward pass that keeps its activations.
     fn perceptual_taped(
         image: FloatTensor<Self>,
-        stack: &PerceptualStack,
+        stack: &Arc<PerceptualStack>,
     ) -> (FloatTensor<Self>, Self::PerceptualTape);
     /// Gradient for the image.
     fn perceptual_backward(
@@ -113,6 +113,21 @@ pub struct AdamState<B: Backend> {
     pub first: FloatTensor<B>,
     /// Running mean of squared gradients.
     pub second: FloatTensor<B>,
+}
+
+impl<B: Backend> AdamState<B> {
+    /// From parameter, first and second moment.
+    fn from_array([param, first, second]: [FloatTensor<B>; 3]) -> Self {
+        Self {
+            param,
+            first,
+            second,
+        }
+    }
+
+    fn into_array(self) -> [FloatTensor<B>; 3] {
+        [self.param, self.first, self.second]
+    }
 }
 
 /// What a radiance loss depends on, in the order inner, outer volume.
@@ -152,19 +167,20 @@ impl<B: Backend> RadianceVolumes<B> {
 
     fn volumes(self) -> [Volume<FloatTensor<B>>; 2] {
         [
-            Volume {
-                encoded: self.inner_encoded,
-                base: self.inner_base,
-                geo: self.inner_geo,
-                app: self.inner_app,
-            },
-            Volume {
-                encoded: self.outer_encoded,
-                base: self.outer_base,
-                geo: self.outer_geo,
-                app: self.outer_app,
-            },
+            [
+                self.inner_encoded,
+                self.inner_base,
+                self.inner_geo,
+                self.inner_app,
+            ],
+            [
+                self.outer_encoded,
+                self.outer_base,
+                self.outer_geo,
+                self.outer_app,
+            ],
         ]
+        .map(Volume::from_array)
     }
 }
 
@@ -307,16 +323,11 @@ impl AdamParam {
             step: self.steps,
             sparse,
         };
-        let empty = || Tensor::<1>::empty([1], &grad.device());
-        let device_empty = (empty(), empty(), empty());
-        let state = AdamState::<Dispatch> {
-            param: std::mem::replace(&mut self.param, device_empty.0).into_dispatch(),
-            first: std::mem::replace(&mut self.first, device_empty.1).into_dispatch(),
-            second: std::mem::replace(&mut self.second, device_empty.2).into_dispatch(),
-        };
+        let device = grad.device();
+        let state = [&mut self.param, &mut self.first, &mut self.second]
+            .map(|own| std::mem::replace(own, Tensor::empty([1], &device)).into_dispatch());
+        let state = AdamState::<Dispatch>::from_array(state);
         let state = <Dispatch as KernelOps>::adam(state, grad.into_dispatch(), step);
-        self.param = Tensor::from_dispatch(state.param);
-        self.first = Tensor::from_dispatch(state.first);
-        self.second = Tensor::from_dispatch(state.second);
+        [self.param, self.first, self.second] = state.into_array().map(Tensor::from_dispatch);
     }
 }

@@ -1,12 +1,12 @@
 //! VGG-19 as an installed file: one safetensors file with a checksum of its numbers.
 
-use super::checkpoint::Checkpoint;
-use super::vgg19::{Layer, PLACES, Place, Scheme, stack};
+use super::file::WeightsFile;
+use super::vgg19::{LAYERS, LayerWeights, Scheme, VggLayer, stack};
 use super::{VGG19_FILE, folder, hexadecimal};
-use crate::{Perceptual, StyleError, TensorFile};
+use crate::tensors::{HalfTensor, serialise};
+use crate::{Network, Perceptual, StyleError, TensorFile};
 use half::f16;
-use safetensors::tensor::{Dtype, TensorView};
-use safetensors::{SafeTensors, serialize};
+use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
@@ -34,12 +34,12 @@ const LONGEST: u64 = 64 << 20;
 
 /// The file of these layers. `checkpoint` is for messages.
 pub(super) fn write(
-    checkpoint: &Checkpoint,
-    layers: &[Layer],
+    checkpoint: &WeightsFile,
+    layers: &[LayerWeights],
     made_from: Scheme,
 ) -> Result<(Vec<u8>, Vgg19Facts), StyleError> {
     let mut tensors = Vec::with_capacity(2 * layers.len());
-    for (layer, place) in layers.iter().zip(&PLACES) {
+    for (layer, place) in layers.iter().zip(&LAYERS) {
         let shape = vec![place.outputs, place.inputs, 3, 3];
         for (part, numbers, shape) in [
             ("weight", &layer.weight, shape),
@@ -52,18 +52,16 @@ pub(super) fn write(
                     place.name
                 )));
             }
-            let bytes: Vec<u8> = halves.iter().flat_map(|v| v.to_le_bytes()).collect();
-            tensors.push((format!("{}.{part}", place.name), bytes, shape));
+            tensors.push(HalfTensor {
+                name: format!("{}.{part}", place.name),
+                shape,
+                numbers: halves,
+            });
         }
     }
-    let views = || {
-        let views = tensors.iter().map(|(name, bytes, shape)| {
-            Ok((name, TensorView::new(Dtype::F16, shape.clone(), bytes)?))
-        });
-        views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
-    };
-    let fault = |e: safetensors::SafeTensorError| checkpoint.fault(e.to_string());
-    let plain = serialize(views().map_err(fault)?, None).map_err(fault)?;
+    let file =
+        |metadata| serialise(&tensors, metadata).map_err(|e| checkpoint.fault(e.to_string()));
+    let plain = file(None)?;
     let facts = Vgg19Facts {
         network: NETWORK.into(),
         version: VERSION,
@@ -72,8 +70,7 @@ pub(super) fn write(
     };
     let json = serde_json::to_string(&facts).map_err(|e| checkpoint.fault(e.to_string()))?;
     let metadata = HashMap::from([(FACTS.to_owned(), json)]);
-    let bytes = serialize(views().map_err(fault)?, Some(metadata)).map_err(fault)?;
-    Ok((bytes, facts))
+    Ok((file(Some(metadata))?, facts))
 }
 
 /// Of all that follows a safetensors file's header.
@@ -89,10 +86,7 @@ fn read_installed(path: &Path) -> Result<(Vec<u8>, Vgg19Facts), StyleError> {
         path: path.to_owned(),
         source,
     };
-    let fault = |reason: &str| StyleError::Weights {
-        file: path.display().to_string(),
-        reason: reason.to_owned(),
-    };
+    let fault = |reason: &str| StyleError::weights(&path.display().to_string(), reason);
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(unreadable)?;
     let taken = file.take(LONGEST).read_to_end(&mut bytes);
@@ -127,21 +121,21 @@ pub fn inspect_vgg19(path: &Path) -> Result<Vgg19Facts, StyleError> {
     Ok(facts)
 }
 
-fn read_layers(path: &Path, bytes: &[u8]) -> Result<Vec<Layer>, StyleError> {
+fn read_layers(path: &Path, bytes: &[u8]) -> Result<Vec<LayerWeights>, StyleError> {
     let name = path.display().to_string();
     let file = TensorFile::open(&name, bytes)?;
-    let layer = |place: &Place| {
+    let layer = |place: &VggLayer| {
         let weights = 9 * place.inputs * place.outputs;
-        Ok(Layer {
+        Ok(LayerWeights {
             weight: file.floats_of(&format!("{}.weight", place.name), weights)?,
             bias: file.floats_of(&format!("{}.bias", place.name), place.outputs)?,
         })
     };
-    PLACES.iter().map(layer).collect()
+    LAYERS.iter().map(layer).collect()
 }
 
 impl Perceptual {
-    /// The normalised VGG-19 in a file that [`normalise`](crate::weights::normalise) made: borders are mirrored and pools keep
+    /// The normalised VGG-19 in a file that [`normalise`](fn@crate::weights::normalise) made: borders are mirrored and pools keep
     /// odd ends, as style-transfer programs have it. Statistics are of relu1_1, relu2_1, relu3_1
     /// and relu4_1, content is relu4_1; images have at least 9 pixels a side.
     ///
@@ -163,6 +157,19 @@ impl Perceptual {
             Self::vgg19(&path)
         } else {
             Err(StyleError::NotInstalled { path })
+        }
+    }
+}
+
+impl Network {
+    /// Reads its weights.
+    ///
+    /// # Errors
+    /// If an asset is damaged, or VGG-19 is not installed.
+    pub fn load(self) -> Result<Perceptual, StyleError> {
+        match self {
+            Self::Vgg16 => Perceptual::vgg16(),
+            Self::Vgg19 => Perceptual::vgg19_installed(),
         }
     }
 }

@@ -1,17 +1,19 @@
 //! Files of weights: those that are shipped, those that users bring, and where the latter lie.
 
-mod checkpoint;
+mod file;
 mod installed;
-mod number;
+mod normalise;
+pub(crate) mod number;
 mod pickle;
 mod source;
 mod torch;
 mod vgg19;
 mod zip;
 
-pub use checkpoint::{Checkpoint, Form};
+pub use file::{FileFormat, WeightsFile};
 pub use installed::{Vgg19Facts, inspect_vgg19};
-pub use vgg19::{Scheme, normalise};
+pub use normalise::normalise;
+pub use vgg19::Scheme;
 
 use crate::{StyleError, perceptual, vae};
 use sha2::{Digest, Sha256};

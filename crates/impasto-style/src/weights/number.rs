@@ -1,4 +1,4 @@
-//! The kinds of numbers that weight files hold.
+//! How weight files hold numbers.
 
 use half::f16;
 
@@ -8,6 +8,15 @@ pub(crate) enum Number {
     F16,
     F32,
     F64,
+}
+
+/// Where a tensor's numbers are.
+#[derive(Debug)]
+pub(crate) struct Stored {
+    pub number: Number,
+    pub shape: Vec<u64>,
+    /// First byte in the file.
+    pub start: u64,
 }
 
 impl Number {

@@ -1,10 +1,9 @@
 //! PyTorch's two forms of a checkpoint: since 1.6 a zip file, before that a stream of pickles and
 //! blocks of numbers (`torch.save`, `torch/serialization.py`).
 
-use super::checkpoint::Stored;
-use super::number::Number;
+use super::number::{Number, Stored};
 use super::pickle::{LONGEST, Pickle, Storage, Tensor};
-use super::source::Source;
+use super::source::ByteSource;
 use super::zip;
 use std::collections::{BTreeMap, HashMap};
 
@@ -17,7 +16,7 @@ const BIG_ENDIAN: &str =
 type Stores = BTreeMap<String, Stored>;
 
 /// Reads the zip form.
-pub(crate) fn read_zip(source: &mut Source) -> Result<Stores, String> {
+pub(crate) fn read_zip(source: &mut ByteSource) -> Result<Stores, String> {
     let entries = zip::entries(source)?;
     // The folder is named after the file as it was first called.
     let (folder, program) = entries
@@ -41,17 +40,15 @@ pub(crate) fn read_zip(source: &mut Source) -> Result<Stores, String> {
             .get(&format!("{folder}data/{}", storage.key))
             .ok_or_else(|| format!("lacks its entry data/{}", storage.key))?;
         if storage.length.checked_mul(storage.number.size()) != Some(entry.length) {
-            return Err(format!(
-                "has an entry data/{} of a wrong length",
-                storage.key
-            ));
+            let key = &storage.key;
+            return Err(format!("has an entry data/{key} of a wrong length"));
         }
         Ok(entry.start)
     })
 }
 
 /// Reads the older form.
-pub(crate) fn read_stream(source: &mut Source) -> Result<Stores, String> {
+pub(crate) fn read_stream(source: &mut ByteSource) -> Result<Stores, String> {
     let head = source.bytes(0, source.length().min(LONGEST as u64))?;
     let mut at = 0;
     let mut next = || -> Result<Pickle, String> {
@@ -79,8 +76,7 @@ pub(crate) fn read_stream(source: &mut Source) -> Result<Stores, String> {
         let storage = sizes
             .get(key)
             .ok_or_else(|| format!("has a storage \"{key}\" that nothing uses"))?;
-        let length = source.bytes(place, 8)?;
-        if length != storage.length.to_le_bytes() {
+        if source.number(place)? != storage.length {
             return Err(format!("has a storage \"{key}\" of a wrong length"));
         }
         let start = place + 8;

@@ -1,11 +1,11 @@
 //! Where the entries of a zip file lie, as far as PyTorch uses zip: stored, not compressed.
 
-use super::source::Source;
+use super::source::ByteSource;
 use std::collections::HashMap;
 
 /// An entry's place in the file, in bytes.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Entry {
+pub(crate) struct ZipEntry {
     pub start: u64,
     pub length: u64,
 }
@@ -20,7 +20,7 @@ const LISTED: usize = 46;
 const HEAD: u64 = 30;
 
 /// All entries by name.
-pub(crate) fn entries(source: &mut Source) -> Result<HashMap<String, Entry>, String> {
+pub(crate) fn entries(source: &mut ByteSource) -> Result<HashMap<String, ZipEntry>, String> {
     let (count, start, length) = end(source)?;
     if length > LONGEST_LIST {
         return Err("has a longer list of entries than any checkpoint".into());
@@ -49,7 +49,7 @@ pub(crate) fn entries(source: &mut Source) -> Result<HashMap<String, Entry>, Str
         }
         let start = contents(source, head)?;
         source.within(start, length)?;
-        entries.insert(name, Entry { start, length });
+        entries.insert(name, ZipEntry { start, length });
     }
     Ok(entries)
 }
@@ -65,7 +65,7 @@ fn u32_at(bytes: &[u8], at: usize) -> u32 {
 }
 
 /// Number of entries, and start and length of their list.
-fn end(source: &mut Source) -> Result<(u16, u64, u64), String> {
+fn end(source: &mut ByteSource) -> Result<(u16, u64, u64), String> {
     let tail = source.length().min(END as u64 + LONGEST_COMMENT);
     let tail = source.bytes(source.length() - tail, tail)?;
     let record = (0..=tail.len().saturating_sub(END))
@@ -85,7 +85,7 @@ fn end(source: &mut Source) -> Result<(u16, u64, u64), String> {
 }
 
 /// Where an entry's contents start, whose head is at `head`.
-fn contents(source: &mut Source, head: u64) -> Result<u64, String> {
+fn contents(source: &mut ByteSource, head: u64) -> Result<u64, String> {
     let bytes = source.bytes(head, HEAD)?;
     if !bytes.starts_with(b"PK\x03\x04") {
         return Err(DAMAGED.into());

@@ -64,7 +64,7 @@ pub fn photo_rays<'a>(photos: impl Iterator<Item = &'a Photo>) -> Vec<PhotoRays>
 
 /// A batch of rays with the colours seen along them.
 #[derive(Debug, Clone, Default)]
-pub struct Targets {
+pub struct TargetRays {
     /// Rays.
     pub rays: RayBatch,
     /// `n × 3`.
@@ -73,7 +73,7 @@ pub struct Targets {
     pub distances: Vec<Option<f32>>,
 }
 
-impl Targets {
+impl TargetRays {
     /// Adds pixel `index` of `photo`.
     pub fn push(&mut self, photo: &PhotoRays, index: usize, distance: Option<f32>) {
         photo.rays.push(index, &mut self.rays);
@@ -101,8 +101,8 @@ pub fn draw(
     surfaces: &[KnownSurface],
     known: usize,
     rng: &mut Pcg64,
-) -> Targets {
-    let mut targets = Targets::default();
+) -> TargetRays {
+    let mut targets = TargetRays::default();
     if !surfaces.is_empty() {
         for _ in 0..known {
             let surface = surfaces[rng.random_range(0..surfaces.len())];

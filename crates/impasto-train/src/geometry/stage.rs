@@ -1,6 +1,6 @@
 //! Photos → field (PAPER §4).
 
-use crate::geometry::photos::{KnownSurface, PhotoRays, Targets, draw, photo_rays};
+use crate::geometry::photos::{KnownSurface, PhotoRays, TargetRays, draw, photo_rays};
 use crate::geometry::surfaces::{known_surfaces, measure_from_surfaces, seen_by_any};
 use crate::optimizer::{Adam, Rate, add_gradients};
 #[cfg(feature = "gpu")]
@@ -312,7 +312,7 @@ impl GeometryStage {
     }
 
     /// Rays for about so many samples, some of them to known surfaces.
-    fn drawn(&mut self, samples: usize) -> Targets {
+    fn drawn(&mut self, samples: usize) -> TargetRays {
         let rays = self.rays_of(samples);
         let known = if self.surfaces.is_empty() {
             0
@@ -368,7 +368,7 @@ impl GeometryStage {
         &mut self,
         level: usize,
         samples: &Samples,
-        targets: &Targets,
+        targets: &TargetRays,
         progress: f32,
     ) -> Found {
         let leaves = self.levels[level].leaves();
@@ -420,7 +420,7 @@ impl GeometryStage {
     }
 
     /// What some of a step's rays should look like.
-    fn wanted(&self, targets: &Targets, rays: Range<usize>, progress: f32) -> RayTargets {
+    fn wanted(&self, targets: &TargetRays, rays: Range<usize>, progress: f32) -> RayTargets {
         let all = targets.rays.len() as f32;
         let known = targets.distances.iter().flatten().count().max(1) as f32;
         RayTargets {

@@ -1,6 +1,6 @@
 //! What is known of a capture's surfaces before anything is learned.
 
-use crate::geometry::photos::{KnownSurface, Targets};
+use crate::geometry::photos::{KnownSurface, TargetRays};
 use glam::{DVec3, DVec4, Vec4Swizzles};
 use impasto_field::{Samples, contracted_distance};
 use impasto_scene::{Camera, Scene};
@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Replaces the samples' depths by their distance from the surface that is known on their ray, or
 /// by zero: the composite's expected depth becomes the expected distance from that surface.
-pub(crate) fn measure_from_surfaces(samples: &mut Samples, targets: &Targets) {
+pub(crate) fn measure_from_surfaces(samples: &mut Samples, targets: &TargetRays) {
     let layout = Arc::make_mut(&mut samples.layout);
     layout.depths.fill(0.0);
     for (span, distance) in layout.rays.iter().zip(&targets.distances) {

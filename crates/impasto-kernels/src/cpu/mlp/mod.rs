@@ -8,7 +8,7 @@ mod spec;
 mod tape;
 
 pub use spec::{Activation, LayerSpec, MlpSpec};
-pub(crate) use tape::{Packed, Tape};
+pub(crate) use tape::{InputGrad, Packed, Tape};
 
 use super::product::Start;
 use pulp::{Arch, Simd, WithSimd};
@@ -97,9 +97,7 @@ pub fn backward(
         .collect();
     let mut params_grad = vec![0.0; params.len()];
     for part in partial {
-        for (sum, p) in params_grad.iter_mut().zip(part) {
-            *sum += p;
-        }
+        params_grad.iter_mut().zip(part).for_each(|(s, p)| *s += p);
     }
     (input_grad, params_grad)
 }
@@ -125,8 +123,8 @@ impl WithSimd for PieceBackward<'_> {
         let grads = self.grad.chunks(BLOCK * outputs);
         for (x, grad) in self.x.chunks(BLOCK * inputs).zip(grads) {
             tape.forward(simd, self.packed, x);
-            let input_grad = (input_grads.next().unwrap_or_default(), Start::Zero);
-            tape.backward(simd, self.packed, (x, grad), &mut params_grad, input_grad);
+            let input_grad = InputGrad(input_grads.next().unwrap_or_default(), Start::Zero);
+            tape.backward(simd, self.packed, x, grad, &mut params_grad, input_grad);
         }
         params_grad
     }

@@ -1,7 +1,7 @@
 //! One block of rows through all layers and back.
 
 use super::super::math::exp;
-use super::super::product::{Left, Start, add_product, product};
+use super::super::product::{Left, ProductTarget, Start, product};
 use super::{Activation, LayerSpec, MlpSpec};
 use pulp::Simd;
 
@@ -60,6 +60,9 @@ impl<'a> Packed<'a> {
         &self.params[self.spec.shift_range(block)]
     }
 }
+
+/// Where the gradient of a block's input goes, and upon what; nowhere if that is empty.
+pub(crate) struct InputGrad<'a>(pub(crate) &'a mut [f32], pub(crate) Start<'a>);
 
 /// One block's activations, kept for the backward pass.
 pub(crate) struct Tape {
@@ -127,8 +130,8 @@ impl Tape {
             let transposed = packed.transposed.as_ref().filter(|_| layer.outputs > 1);
             if let Some(transposed) = transposed {
                 let input = Left::new(input, rows, layer.inputs);
-                let out = (&mut *out, Start::Row(bias), layer.outputs);
-                product(simd, out, input, &transposed[i], layer.outputs);
+                let out = ProductTarget::new(out, Start::Row(bias), layer.outputs);
+                product(simd, out, input, &transposed[i]);
             } else {
                 let rows = out.chunks_exact_mut(layer.outputs);
                 for (out, x) in rows.zip(input.chunks_exact(layer.inputs)) {
@@ -152,16 +155,17 @@ impl Tape {
         }
     }
 
-    /// Gradients for the block that went through last: adds the parameters' to `params_grad`;
-    /// the input's go to `input_grad`, upon its `start`, unless that is empty.
+    /// Gradients for the block that went through last, `x`: adds the parameters' to `params_grad`;
+    /// the input's go where [`InputGrad`] says.
     #[inline(always)]
     pub(crate) fn backward<S: Simd>(
         &mut self,
         simd: S,
         packed: &Packed<'_>,
-        (x, grad): (&[f32], &[f32]),
+        x: &[f32],
+        grad: &[f32],
         params_grad: &mut [f32],
-        (input_grad, start): (&mut [f32], Start<'_>),
+        InputGrad(input_grad, start): InputGrad<'_>,
     ) {
         let spec = packed.spec;
         let rows = x.len() / spec.inputs();
@@ -189,14 +193,12 @@ impl Tape {
             };
             let (weight, _) = packed.layer(i);
             let g = Left::new(g, rows, layer.outputs);
-            let target = (target, start, layer.inputs);
-            product(simd, target, g, weight, layer.inputs);
+            let target = ProductTarget::new(target, start, layer.inputs);
+            product(simd, target, g, weight);
             if let Some(block) = block {
                 let entry_grad = &mut self.next[..rows * layer.inputs];
-                entry_grad
-                    .iter_mut()
-                    .zip(&self.past)
-                    .for_each(|(g, past)| *g += past);
+                let pairs = entry_grad.iter_mut().zip(&self.past);
+                pairs.for_each(|(g, past)| *g += past);
                 let shift_grad = &mut params_grad[spec.shift_range(block)];
                 add_rows(shift_grad, entry_grad);
             }
@@ -326,6 +328,7 @@ fn add_layer_grad<S: Simd>(
     let rows = grad.len() / layer.outputs;
     let (weight, bias) = layer_grad.split_at_mut(layer.inputs * layer.outputs);
     let transposed = Left::transposed(grad, rows, layer.outputs);
-    add_product(simd, weight, transposed, input, layer.inputs);
+    let weight = ProductTarget::new(weight, Start::Sum, layer.inputs);
+    product(simd, weight, transposed, input);
     add_rows(bias, grad);
 }

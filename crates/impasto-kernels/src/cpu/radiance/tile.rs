@@ -1,17 +1,80 @@
 //! A few rays at a time through all layers and back.
 
-use super::super::composite::{self, CompositeLayout, RaySpan, SpanGrads, Step};
-use super::super::mlp::Tape;
-use super::super::product::Start;
-use super::{CHANNELS, Outputs, PackedVolume, PieceSums, RadianceSpec, Volume, VolumeSpec, ranges};
+use super::spec::{
+    CHANNELS, DEPTH, DISTORTION, Density, OUTPUTS, RadianceSpec, Volume, VolumeSpec, ranges,
+};
+use crate::cpu::composite::{CompositeLayout, RaySpan, ShadedSamples, SpanGrads, Step};
+use crate::cpu::mlp::{InputGrad, Packed, Tape};
+use crate::cpu::product::Start;
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
 
 /// Samples that go through the layers together: their activations fit the second-level cache.
 const TILE: usize = 128;
 
+/// Where the gradients of a piece's encodings and its densities go, of both volumes.
+pub(super) type Outputs<'a> = [(&'a mut [f32], &'a mut [f32]); 2];
+
+/// One volume's layers with their parameters.
+pub(super) struct PackedVolume<'a> {
+    pub(super) base: Packed<'a>,
+    geo: Packed<'a>,
+    app: Packed<'a>,
+    density: Density,
+}
+
+impl<'a> PackedVolume<'a> {
+    pub(super) fn new(spec: &'a VolumeSpec, volume: &Volume<&'a [f32]>) -> Self {
+        let rows = volume.encoded.len() / spec.base.inputs();
+        Self {
+            base: Packed::new(&spec.base, volume.base, rows),
+            geo: Packed::new(&spec.geo, volume.geo, rows),
+            app: Packed::new(&spec.app, volume.app, rows),
+            density: spec.density,
+        }
+    }
+}
+
+/// What a piece of rays adds up to.
+pub(super) struct PieceSums {
+    pub(super) error: f64,
+    pub(super) depth: f64,
+    pub(super) distortion: f64,
+    /// Parameters only.
+    pub(super) grads: [Volume<Vec<f32>>; 2],
+}
+
+impl PieceSums {
+    pub(super) fn new(spec: &RadianceSpec) -> Self {
+        let zeros = |v: usize| Volume {
+            encoded: Vec::new(),
+            base: vec![0.0; spec.volumes[v].base.params()],
+            geo: vec![0.0; spec.volumes[v].geo.params()],
+            app: vec![0.0; spec.volumes[v].app.params()],
+        };
+        Self {
+            error: 0.0,
+            depth: 0.0,
+            distortion: 0.0,
+            grads: [0, 1].map(zeros),
+        }
+    }
+
+    pub(super) fn add(&mut self, other: Self) {
+        self.error += other.error;
+        self.depth += other.depth;
+        self.distortion += other.distortion;
+        for (sum, other) in self.grads.iter_mut().zip(other.grads) {
+            let own = [&mut sum.base, &mut sum.geo, &mut sum.app];
+            for (sum, other) in own.into_iter().zip([other.base, other.geo, other.app]) {
+                sum.iter_mut().zip(other).for_each(|(s, o)| *s += o);
+            }
+        }
+    }
+}
+
 /// Neighbouring rays, and where the gradients of their encodings and their densities go.
-pub(super) struct Piece<'a> {
+pub(super) struct RayPiece<'a> {
     pub(super) spec: &'a RadianceSpec,
     pub(super) packed: [&'a PackedVolume<'a>; 2],
     pub(super) volumes: &'a [Volume<&'a [f32]>; 2],
@@ -20,7 +83,7 @@ pub(super) struct Piece<'a> {
     pub(super) out: Outputs<'a>,
 }
 
-impl WithSimd for Piece<'_> {
+impl WithSimd for RayPiece<'_> {
     type Output = PieceSums;
 
     #[inline(always)]
@@ -85,7 +148,8 @@ impl VolumeScratch {
         packed: &PackedVolume<'_>,
         encoded: &[f32],
         views: impl Iterator<Item = (usize, &'a [f32])>,
-        (densities, colours): (&mut [f32], &mut [f32]),
+        densities: &mut [f32],
+        colours: &mut [f32],
     ) {
         let rows = densities.len();
         let width = packed.base.spec.outputs();
@@ -115,25 +179,26 @@ impl VolumeScratch {
         &mut self,
         simd: S,
         packed: &PackedVolume<'_>,
-        (encoded, encoded_grad): (&[f32], &mut [f32]),
-        densities: &[f32],
-        (density_grad, colour_grad): (&[f32], &[f32]),
+        block: BlockGrads<'_>,
         grads: &mut Volume<Vec<f32>>,
     ) {
+        let BlockGrads {
+            encoded,
+            densities,
+            density_grad,
+            colour_grad,
+            encoded_grad,
+        } = block;
         let rows = density_grad.len();
         let (width, inputs) = (packed.base.spec.outputs(), packed.app.spec.inputs());
-        let input_grad = &mut self.app_input_grad[..rows * inputs];
         let input = &self.app_input[..rows * inputs];
-        let app = (input, colour_grad);
-        self.app.backward(
-            simd,
-            &packed.app,
-            app,
-            &mut grads.app,
-            (input_grad, Start::Zero),
-        );
+        let input_grad = &mut self.app_input_grad[..rows * inputs];
+        let to = InputGrad(input_grad, Start::Zero);
+        let sums = &mut grads.app;
+        self.app
+            .backward(simd, &packed.app, input, colour_grad, sums, to);
         let feature_grad = &mut self.feature_grad[..rows * width];
-        let parts = input_grad.chunks_exact(inputs);
+        let parts = self.app_input_grad.chunks_exact(inputs);
         for (to, from) in feature_grad.chunks_exact_mut(width).zip(parts) {
             to.copy_from_slice(&from[..width]);
         }
@@ -143,22 +208,29 @@ impl VolumeScratch {
             *to = g * packed.density.slope(*raw, *density);
         }
         let features = &self.base.output(packed.base.spec)[..rows * width];
-        let geo = (features, &*raw_grad);
-        self.geo.backward(
-            simd,
-            &packed.geo,
-            geo,
-            &mut grads.geo,
-            (feature_grad, Start::Sum),
-        );
-        let base = (encoded, &*feature_grad);
-        let encoded_grad = (encoded_grad, Start::Zero);
+        let to = InputGrad(feature_grad, Start::Sum);
+        let sums = &mut grads.geo;
+        self.geo
+            .backward(simd, &packed.geo, features, raw_grad, sums, to);
+        let feature_grad = &self.feature_grad[..rows * width];
+        let to = InputGrad(encoded_grad, Start::Zero);
+        let sums = &mut grads.base;
         self.base
-            .backward(simd, &packed.base, base, &mut grads.base, encoded_grad);
+            .backward(simd, &packed.base, encoded, feature_grad, sums, to);
     }
 }
 
-impl<'a> Piece<'a> {
+/// What the way back needs of one volume's samples in a tile, and where it leaves the gradient of
+/// their encodings.
+struct BlockGrads<'a> {
+    encoded: &'a [f32],
+    densities: &'a [f32],
+    density_grad: &'a [f32],
+    colour_grad: &'a [f32],
+    encoded_grad: &'a mut [f32],
+}
+
+impl<'a> RayPiece<'a> {
     #[inline(always)]
     fn tile<S: Simd>(
         &mut self,
@@ -188,11 +260,18 @@ impl<'a> Piece<'a> {
                 continue;
             }
             let colours = &mut colours[part.start * CHANNELS..part.end * CHANNELS];
-            let out = (&mut densities[part], colours);
-            scratch[v].forward(simd, self.packed[v], encoded[v], views(v), out);
+            let densities = &mut densities[part];
+            scratch[v].forward(
+                simd,
+                self.packed[v],
+                encoded[v],
+                views(v),
+                densities,
+                colours,
+            );
         }
         let (density_grad, colour_grad) =
-            self.composite(&tile, &layout, (&densities, &colours), sums);
+            self.composite(first, &layout, &densities, &colours, sums);
         let first = ranges(self.rays);
         for v in 0..2 {
             let part = [0..split, split..count][v].clone();
@@ -202,19 +281,15 @@ impl<'a> Piece<'a> {
             let own = global[v].start - first[v].start..global[v].end - first[v].start;
             let width = self.packed[v].base.spec.inputs();
             let (encoded_grad, kept) = &mut self.out[v];
-            let encoded_grad = &mut encoded_grad[own.start * width..own.end * width];
-            kept[own].copy_from_slice(&densities[part.clone()]);
-            scratch[v].backward(
-                simd,
-                self.packed[v],
-                (encoded[v], encoded_grad),
-                &densities[part.clone()],
-                (
-                    &density_grad[part.clone()],
-                    &colour_grad[part.start * CHANNELS..part.end * CHANNELS],
-                ),
-                &mut sums.grads[v],
-            );
+            let block = BlockGrads {
+                encoded: encoded[v],
+                densities: &densities[part.clone()],
+                density_grad: &density_grad[part.clone()],
+                colour_grad: &colour_grad[part.start * CHANNELS..part.end * CHANNELS],
+                encoded_grad: &mut encoded_grad[own.start * width..own.end * width],
+            };
+            kept[own].copy_from_slice(block.densities);
+            scratch[v].backward(simd, self.packed[v], block, &mut sums.grads[v]);
         }
     }
 
@@ -247,36 +322,35 @@ impl<'a> Piece<'a> {
         }
     }
 
-    /// Adds a tile's losses; returns their gradients for densities and colours.
+    /// Adds a tile's losses, whose rays begin with `first`; returns their gradients for densities
+    /// and colours.
     fn composite(
         &self,
-        tile: &Range<usize>,
+        first: usize,
         layout: &CompositeLayout,
-        (densities, colours): (&[f32], &[f32]),
+        densities: &[f32],
+        colours: &[f32],
         sums: &mut PieceSums,
     ) -> (Vec<f32>, Vec<f32>) {
-        const WIDTH: usize = CompositeLayout::outputs(CHANNELS);
-        let (mut density_grad, mut colour_grad) =
-            (vec![0.0; densities.len()], vec![0.0; colours.len()]);
-        let passed = composite::transmittances(&layout.deltas, densities);
-        let samples = (&*passed, colours);
+        let mut density_grad = vec![0.0; densities.len()];
+        let mut colour_grad = vec![0.0; colours.len()];
+        let samples = ShadedSamples::new(layout, densities, colours, CHANNELS);
         let rays = self.spec.layout.rays.len() as f32;
         let mut steps: Vec<Step> = Vec::new();
         for (i, span) in layout.rays.iter().enumerate() {
-            let ray = self.first_ray + tile.start + i;
-            let target = &self.spec.targets[ray * CHANNELS..][..CHANNELS];
-            let mut out = [0.0; WIDTH];
-            composite::ray_forward(layout, span, samples, CHANNELS, &mut out);
-            let mut grad = [0.0; WIDTH];
+            let target = &self.spec.targets[(first + i) * CHANNELS..][..CHANNELS];
+            let mut out = [0.0; OUTPUTS];
+            samples.forward(span, &mut out);
+            let mut grad = [0.0; OUTPUTS];
             for c in 0..CHANNELS {
                 let error = out[c] - target[c];
                 sums.error += f64::from(error * error);
                 grad[c] = 2.0 * error / (rays * CHANNELS as f32);
             }
-            sums.depth += f64::from(out[CHANNELS + 1]);
-            sums.distortion += f64::from(out[CHANNELS + 2]);
-            grad[CHANNELS + 1] = self.spec.depth / rays;
-            grad[CHANNELS + 2] = self.spec.distortion / rays;
+            sums.depth += f64::from(out[DEPTH]);
+            sums.distortion += f64::from(out[DISTORTION]);
+            grad[DEPTH] = self.spec.depth / rays;
+            grad[DISTORTION] = self.spec.distortion / rays;
             // Inner samples of a tile come first: two cuts give a ray's own.
             let (inner_d, outer_d) = density_grad.split_at_mut(span.outer.start);
             let (inner_c, outer_c) = colour_grad.split_at_mut(span.outer.start * CHANNELS);
@@ -292,7 +366,7 @@ impl<'a> Piece<'a> {
                     colours: &mut outer_c[colours(&outer)],
                 },
             ];
-            composite::ray_backward(layout, span, samples, CHANNELS, &grad, &mut steps, &mut own);
+            samples.backward(span, &grad, &mut steps, &mut own);
         }
         (density_grad, colour_grad)
     }

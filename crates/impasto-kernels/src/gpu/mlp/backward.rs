@@ -1,7 +1,7 @@
 //! A tile's gradients, layer by layer, last to first.
 
 use super::forward::{Quad, Tile, activated, positive, product};
-use super::plan::{Layer, RELU, SIGMOID, Shape};
+use super::plan::{PlannedLayer, RELU, SIGMOID, TileShape};
 use crate::gpu::launch::UNITS;
 use burn_cubecl::cubecl::{self, prelude::*};
 
@@ -54,7 +54,7 @@ fn add_to_params(
     input: usize,
     sums: &mut [f32],
     sums_at: usize,
-    layer: &Layer,
+    layer: &PlannedLayer,
     #[comptime] quads: usize,
 ) {
     let (inputs, outputs) = (layer.inputs, layer.outputs);
@@ -108,7 +108,7 @@ fn activation_back(
     kept: &mut [Quad],
     output: usize,
     around: usize,
-    layer: &Layer,
+    layer: &PlannedLayer,
     #[comptime] quads: usize,
 ) {
     let count = 4 * layer.outputs.div_ceil(4) * quads;
@@ -140,8 +140,8 @@ pub(super) fn layer_backward(
     kept_at: usize,
     sums: &mut [f32],
     sums_at: usize,
-    layer: &Layer,
-    #[comptime] shape: Shape,
+    layer: &PlannedLayer,
+    #[comptime] shape: TileShape,
 ) {
     let quads = comptime!(shape.quads);
     let unit = UNIT_POS as usize;

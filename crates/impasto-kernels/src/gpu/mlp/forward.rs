@@ -3,7 +3,7 @@
 //! Activations lie channel by channel, rows in quads: what four neighbouring output channels of
 //! four rows need of one input channel is one vector of it and one of the packed weights.
 
-use super::plan::{Layer, RELU, SIGMOID, Shape};
+use super::plan::{PlannedLayer, RELU, SIGMOID, TileShape};
 use crate::gpu::launch::UNITS;
 use burn_cubecl::cubecl::{self, prelude::*};
 
@@ -22,7 +22,7 @@ pub(super) struct Tile {
 
 /// Room for a tile.
 #[cube]
-pub(super) fn new_tile(#[comptime] shape: Shape) -> Tile {
+pub(super) fn new_tile(#[comptime] shape: TileShape) -> Tile {
     Tile {
         from: Shared::<[Quad]>::new_slice(comptime!(shape.room * shape.quads)),
         to: Shared::<[Quad]>::new_slice(comptime!(shape.room * shape.quads)),
@@ -183,9 +183,9 @@ pub(super) fn layer_forward(
     tile: &mut Tile,
     kept: &mut [Quad],
     kept_at: usize,
-    layer: &Layer,
+    layer: &PlannedLayer,
     #[comptime] keep: bool,
-    #[comptime] shape: Shape,
+    #[comptime] shape: TileShape,
 ) {
     let quads = comptime!(shape.quads);
     let unit = UNIT_POS as usize;

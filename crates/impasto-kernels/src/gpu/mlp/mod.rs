@@ -13,15 +13,15 @@ use crate::MlpSpec;
 use backward::layer_backward;
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
-use forward::{Quad, layer_forward, new_tile, read_rows, write_rows};
-use plan::{Plan, Shape, layer_at};
+use forward::{Quad, Tile, layer_forward, new_tile, read_rows, write_rows};
+use plan::{TilePlan, TileShape, layer_at};
 
 /// Most cubes of a pass that keeps activations or sums: enough to fill a large device.
 const CUBES: usize = 512;
 
 /// Whether a tile of an MLP's rows has room in the shared memory that every device has.
 pub(crate) fn fits(spec: &MlpSpec) -> bool {
-    Plan::of(spec).fits()
+    TilePlan::of(spec).fits()
 }
 
 /// Puts every weight where [`forward::product`] looks for it, forward and backward.
@@ -46,13 +46,13 @@ fn pack_kernel(params: &[f32], table: &[u32], packed: &mut [f32], layers: u32) {
 }
 
 /// An MLP's layers and packed weights on the device.
-struct Resident {
+struct PackedLayers {
     table: Uploaded,
     packed: CubeTensor,
 }
 
-impl Resident {
-    fn new(params: &CubeTensor, plan: &Plan) -> Self {
+impl PackedLayers {
+    fn new(params: &CubeTensor, plan: &TilePlan) -> Self {
         let table = Uploaded::u32(params, &plan.table);
         let packed = zeros(params, [4 * plan.packed]);
         // SAFETY: units look at their own parameter, behind the last one at none.
@@ -71,11 +71,45 @@ impl Resident {
     }
 }
 
+/// All layers, see [`layer_forward`].
+#[cube]
+fn all_forward(
+    params: &[f32],
+    table: &[u32],
+    packed: &[Quad],
+    tile: &mut Tile,
+    kept: &mut [Quad],
+    kept_at: usize,
+    layers: u32,
+    #[comptime] keep: bool,
+    #[comptime] shape: TileShape,
+) {
+    for l in 0..layers as usize {
+        let layer = layer_at(table, l);
+        layer_forward(params, packed, tile, kept, kept_at, &layer, keep, shape);
+    }
+}
+
+/// All layers back, last to first, see [`layer_backward`].
+#[cube]
+fn all_backward(
+    table: &[u32],
+    packed: &[Quad],
+    tile: &mut Tile,
+    kept: &mut [Quad],
+    kept_at: usize,
+    sums: &mut [f32],
+    sums_at: usize,
+    layers: u32,
+    #[comptime] shape: TileShape,
+) {
+    for back in 0..layers as usize {
+        let layer = layer_at(table, layers as usize - 1 - back);
+        layer_backward(packed, tile, kept, kept_at, sums, sums_at, &layer, shape);
+    }
+}
+
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn forward_kernel(
     x: &[f32],
     params: &[f32],
@@ -90,7 +124,7 @@ fn forward_kernel(
     inputs: u32,
     outputs: u32,
     #[comptime] bounded: bool,
-    #[comptime] shape: Shape,
+    #[comptime] shape: TileShape,
 ) {
     let quads = comptime!(shape.quads);
     let mut tile = new_tile(shape);
@@ -101,12 +135,9 @@ fn forward_kernel(
         let first_row = start + index as usize * comptime!(shape.rows());
         read_rows(x, &mut tile.from, first_row, rows, inputs as usize, quads);
         sync_cube();
-        for l in 0..layers as usize {
-            let layer = layer_at(table, l);
-            layer_forward(
-                params, packed, &mut tile, kept, kept_at, &layer, false, shape,
-            );
-        }
+        all_forward(
+            params, table, packed, &mut tile, kept, kept_at, layers, false, shape,
+        );
         write_rows(&tile.from, out, first_row, rows, outputs as usize, quads);
         sync_cube();
     }
@@ -131,14 +162,15 @@ pub(crate) fn forward_into(
     if rows.most() == 0 {
         return;
     }
-    let plan = Plan::of(spec);
+    let plan = TilePlan::of(spec);
     let tiles = plan.tiles(rows.most());
     // Only residual blocks keep anything here.
-    let (cubes, kept) = match spec.blocks().is_empty() {
-        true => (tiles.min(MOST_CUBES), 4),
-        false => (tiles.min(CUBES), plan.kept(tiles.min(CUBES))),
+    let (cubes, kept) = if spec.blocks().is_empty() {
+        (tiles.min(MOST_CUBES), 4)
+    } else {
+        (tiles.min(CUBES), plan.kept(tiles.min(CUBES)))
     };
-    let resident = Resident::new(params, &plan);
+    let packed = PackedLayers::new(params, &plan);
     let (bounds, bound, most) = rows.arguments(x);
     // SAFETY: rows are looked at as far as there are any; the rest is laid out by the plan.
     unsafe {
@@ -148,8 +180,8 @@ pub(crate) fn forward_into(
             cube(),
             argument(x),
             argument(params),
-            resident.table.argument(),
-            argument(&resident.packed),
+            packed.table.argument(),
+            argument(&packed.packed),
             argument(&empty(x, [kept])),
             argument(out),
             bounds,
@@ -164,11 +196,16 @@ pub(crate) fn forward_into(
     }
 }
 
+/// Sets numbers to zero, for the whole cube to see.
+#[cube]
+fn clear(numbers: &mut [f32], first: usize, count: usize) {
+    for i in range_stepped(UNIT_POS as usize, count, UNITS as usize) {
+        numbers[first + i] = 0.0;
+    }
+    sync_storage();
+}
+
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn backward_kernel(
     x: &[f32],
     params: &[f32],
@@ -187,28 +224,22 @@ fn backward_kernel(
     count: u32,
     #[comptime] bounded: bool,
     #[comptime] need_input: bool,
-    #[comptime] shape: Shape,
+    #[comptime] shape: TileShape,
 ) {
     let quads = comptime!(shape.quads);
     let mut tile = new_tile(shape);
     let kept_at = CUBE_POS_X as usize * comptime!(shape.kept * quads);
     let sums_at = (CUBE_POS_X * count) as usize;
-    for i in range_stepped(UNIT_POS as usize, count as usize, UNITS as usize) {
-        sums[sums_at + i] = 0.0;
-    }
-    sync_storage();
+    clear(sums, sums_at, count as usize);
     let (start, rows) = extent(bounds, bound, most, bounded);
     let tiles = (rows - start).div_ceil(comptime!(shape.rows())) as u32;
     for index in range_stepped(CUBE_POS_X, tiles, CUBE_COUNT_X) {
         let first_row = start + index as usize * comptime!(shape.rows());
         read_rows(x, &mut tile.from, first_row, rows, inputs as usize, quads);
         sync_cube();
-        for l in 0..layers as usize {
-            let layer = layer_at(table, l);
-            layer_forward(
-                params, packed, &mut tile, kept, kept_at, &layer, true, shape,
-            );
-        }
+        all_forward(
+            params, table, packed, &mut tile, kept, kept_at, layers, true, shape,
+        );
         read_rows(
             grad,
             &mut tile.from,
@@ -218,12 +249,9 @@ fn backward_kernel(
             quads,
         );
         sync_storage();
-        for back in 0..layers as usize {
-            let layer = layer_at(table, layers as usize - 1 - back);
-            layer_backward(
-                packed, &mut tile, kept, kept_at, sums, sums_at, &layer, shape,
-            );
-        }
+        all_backward(
+            table, packed, &mut tile, kept, kept_at, sums, sums_at, layers, shape,
+        );
         if need_input {
             write_rows(
                 &tile.from,
@@ -276,14 +304,14 @@ pub(crate) fn backward_into(
     rows: Rows<'_>,
     input_grad: Option<&CubeTensor>,
 ) -> CubeTensor {
-    let plan = Plan::of(spec);
+    let plan = TilePlan::of(spec);
     if rows.most() == 0 {
         return zeros(x, [plan.params]);
     }
     let params_grad = empty(x, [plan.params]);
     let cubes = plan.tiles(rows.most()).min(CUBES);
     let sums = empty(x, [cubes * plan.params]);
-    let resident = Resident::new(params, &plan);
+    let packed = PackedLayers::new(params, &plan);
     let (bounds, bound, most) = rows.arguments(x);
     let unwanted = empty(x, [1]);
     // SAFETY: as of `forward`; every cube has its own part of what is kept and summed up.
@@ -294,8 +322,8 @@ pub(crate) fn backward_into(
             cube(),
             argument(x),
             argument(params),
-            resident.table.argument(),
-            argument(&resident.packed),
+            packed.table.argument(),
+            argument(&packed.packed),
             argument(grad),
             argument(&empty(x, [plan.kept(cubes)])),
             argument(&sums),

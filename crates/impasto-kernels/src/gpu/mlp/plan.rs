@@ -18,8 +18,8 @@ pub(super) const SIGMOID: u32 = 2;
 /// An MLP and how its rows are cut into tiles. Weights and biases are packed in quads of
 /// neighbouring channels.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
-    /// [`FIELDS`] numbers a layer, see [`Layer`].
+pub(super) struct TilePlan {
+    /// [`FIELDS`] numbers a layer, see [`PlannedLayer`].
     pub(super) table: Vec<u32>,
     pub(super) layers: usize,
     pub(super) params: usize,
@@ -27,12 +27,12 @@ pub(super) struct Plan {
     pub(super) outputs: usize,
     /// Quads of packed parameters.
     pub(super) packed: usize,
-    pub(super) shape: Shape,
+    pub(super) shape: TileShape,
 }
 
 /// What a kernel must know while it is compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Shape {
+pub(super) struct TileShape {
     /// Quads of rows in a tile.
     pub(super) quads: usize,
     /// Channels that a tile has room for.
@@ -44,14 +44,14 @@ pub(super) struct Shape {
     pub(super) around: usize,
 }
 
-impl Shape {
+impl TileShape {
     /// Rows of a tile.
     pub(super) fn rows(&self) -> usize {
         4 * self.quads
     }
 }
 
-impl Plan {
+impl TilePlan {
     pub(super) fn of(spec: &MlpSpec) -> Self {
         let (mut packed, mut kept) = (0, 0);
         let take = |counter: &mut usize, count: usize| {
@@ -104,7 +104,7 @@ impl Plan {
             inputs: spec.inputs(),
             outputs: spec.outputs(),
             packed,
-            shape: Shape {
+            shape: TileShape {
                 quads: (KEPT / room / 4).clamp(1, 16),
                 room,
                 kept,
@@ -131,7 +131,7 @@ impl Plan {
 
 /// One layer of the table.
 #[derive(CubeType, Clone, Copy)]
-pub(super) struct Layer {
+pub(super) struct PlannedLayer {
     pub(super) inputs: usize,
     pub(super) outputs: usize,
     pub(super) activation: u32,
@@ -153,9 +153,9 @@ pub(super) struct Layer {
 }
 
 #[cube]
-pub(super) fn layer_at(table: &[u32], index: usize) -> Layer {
+pub(super) fn layer_at(table: &[u32], index: usize) -> PlannedLayer {
     let at = index * FIELDS;
-    Layer {
+    PlannedLayer {
         inputs: table[at] as usize,
         outputs: table[at + 1] as usize,
         activation: table[at + 2],

@@ -29,17 +29,17 @@ impl Size {
 
 /// What a convolution does beside multiplying.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Mode {
-    pub(super) inputs: usize,
-    pub(super) outputs: usize,
+struct Mode {
+    inputs: usize,
+    outputs: usize,
     /// Pixels that the result has on each side beyond the input, behind whose border are zeros.
-    pub(super) wider: usize,
+    wider: usize,
     /// Whether the input is mirrored at its border; zeros otherwise.
-    pub(super) mirrored: bool,
+    mirrored: bool,
     /// Whether a bias and relu follow.
-    pub(super) relu: bool,
+    relu: bool,
     /// Whether input counts only where `mask` is positive.
-    pub(super) masked: bool,
+    masked: bool,
 }
 
 /// A coordinate of the input, `-1` where there is nothing.
@@ -87,11 +87,62 @@ fn number_at(
     number
 }
 
+/// Leaves in `around` what a tap sees of the cube's pixels, from input channel `first` on.
+#[cube]
+fn load_pixels(
+    input: &[f32],
+    mask: &[f32],
+    around: &mut Shared<[Quad]>,
+    first_pixel: usize,
+    first: usize,
+    tap: usize,
+    height: u32,
+    width: u32,
+    #[comptime] mode: Mode,
+) {
+    let wide = width as usize + comptime!(2 * mode.wider);
+    let pixels = wide * (height as usize + comptime!(2 * mode.wider));
+    let dy = (tap / 3) as i32 - comptime!(mode.wider as i32 + 1);
+    let dx = (tap % 3) as i32 - comptime!(mode.wider as i32 + 1);
+    for i in range_stepped(UNIT_POS as usize, comptime!(DEPTH * PIXELS), UNITS) {
+        let (channel, quad) = (first + i % DEPTH, i / DEPTH);
+        let mut value = Quad::new(0.0);
+        #[unroll]
+        for p in 0..4usize {
+            let pixel = first_pixel + 4 * quad + p;
+            if pixel < pixels && channel < comptime!(mode.inputs) {
+                let (y, x) = ((pixel / wide) as i32 + dy, (pixel % wide) as i32 + dx);
+                let found = number_at(input, mask, y, x, channel, height, width, mode);
+                value.insert(p, found);
+            }
+        }
+        around[(i % DEPTH) * PIXELS + quad] = value;
+    }
+}
+
+/// Leaves in `taken` a tap's filters of the cube's outputs, from input channel `first` on.
+#[cube]
+fn load_filters(
+    filters: &[Quad],
+    taken: &mut Shared<[Quad]>,
+    first_output: usize,
+    first: usize,
+    tap: usize,
+    #[comptime] mode: Mode,
+) {
+    let inputs = comptime!(mode.inputs);
+    let output_quads = comptime!(mode.outputs.div_ceil(4));
+    for i in range_stepped(UNIT_POS as usize, comptime!(DEPTH * OUTPUTS), UNITS) {
+        let (channel, quad) = (first + i / OUTPUTS, first_output + i % OUTPUTS);
+        let mut value = Quad::new(0.0);
+        if channel < inputs && quad < output_quads {
+            value = filters[(tap * inputs + channel) * output_quads + quad];
+        }
+        taken[i] = value;
+    }
+}
+
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn convolve_kernel(
     input: &[f32],
     mask: &[f32],
@@ -103,7 +154,6 @@ fn convolve_kernel(
     #[comptime] mode: Mode,
 ) {
     let inputs = comptime!(mode.inputs);
-    let output_quads = comptime!(mode.outputs.div_ceil(4));
     let wide = width as usize + comptime!(2 * mode.wider);
     let pixels = wide * (height as usize + comptime!(2 * mode.wider));
     let first_pixel = CUBE_POS_X as usize * comptime!(4 * PIXELS);
@@ -117,31 +167,19 @@ fn convolve_kernel(
     let mut c = Quad::new(0.0);
     let mut d = Quad::new(0.0);
     for tap in 0..9usize {
-        let dy = (tap / 3) as i32 - comptime!(mode.wider as i32 + 1);
-        let dx = (tap % 3) as i32 - comptime!(mode.wider as i32 + 1);
         for first in range_stepped(0usize, inputs, DEPTH) {
-            for i in range_stepped(unit, comptime!(DEPTH * PIXELS), UNITS) {
-                let (channel, quad) = (first + i % DEPTH, i / DEPTH);
-                let mut value = Quad::new(0.0);
-                #[unroll]
-                for p in 0..4usize {
-                    let pixel = first_pixel + 4 * quad + p;
-                    if pixel < pixels && channel < inputs {
-                        let (y, x) = ((pixel / wide) as i32 + dy, (pixel % wide) as i32 + dx);
-                        let found = number_at(input, mask, y, x, channel, height, width, mode);
-                        value.insert(p, found);
-                    }
-                }
-                around[(i % DEPTH) * PIXELS + quad] = value;
-            }
-            for i in range_stepped(unit, comptime!(DEPTH * OUTPUTS), UNITS) {
-                let (channel, quad) = (first + i / OUTPUTS, first_output + i % OUTPUTS);
-                let mut value = Quad::new(0.0);
-                if channel < inputs && quad < output_quads {
-                    value = filters[(tap * inputs + channel) * output_quads + quad];
-                }
-                taken[i] = value;
-            }
+            load_pixels(
+                input,
+                mask,
+                &mut around,
+                first_pixel,
+                first,
+                tap,
+                height,
+                width,
+                mode,
+            );
+            load_filters(filters, &mut taken, first_output, first, tap, mode);
             sync_cube();
             for k in 0..DEPTH {
                 let x = around[k * PIXELS + own_pixel];
@@ -190,33 +228,49 @@ fn write_pixel(
     }
 }
 
-/// Convolves `input`, and returns the result; without `mask` and `bias` there are none.
-pub(super) fn convolve(
-    (input, mask): (&CubeTensor, Option<&CubeTensor>),
-    (filters, bias): (&CubeTensor, Option<&CubeTensor>),
-    size: Size,
-    mode: Mode,
-) -> CubeTensor {
-    let (height, width) = (size.height + 2 * mode.wider, size.width + 2 * mode.wider);
-    let out = empty(input, [height * width * mode.outputs]);
+/// A convolution to be done.
+pub(super) struct Convolution<'a> {
+    pub(super) input: &'a CubeTensor,
+    /// The input counts only where this is positive; everywhere without it.
+    pub(super) mask: Option<&'a CubeTensor>,
+    pub(super) filters: &'a CubeTensor,
+    /// Added to the result, before relu; without it there is neither.
+    pub(super) bias: Option<&'a CubeTensor>,
+    /// Of the input.
+    pub(super) size: Size,
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
+    /// As of [`Mode`].
+    pub(super) wider: usize,
+    /// As of [`Mode`].
+    pub(super) mirrored: bool,
+}
+
+/// The result of a convolution.
+pub(super) fn convolve(of: &Convolution<'_>) -> CubeTensor {
+    let (height, width) = (of.size.height + 2 * of.wider, of.size.width + 2 * of.wider);
+    let out = empty(of.input, [height * width * of.outputs]);
     let cubes = |count: usize, of: usize| count.div_ceil(4 * of) as u32;
     // SAFETY: pixels and channels are looked at as far as there are any.
     unsafe {
         convolve_kernel::launch_unchecked(
-            &input.client,
-            CubeCount::new_2d(cubes(height * width, PIXELS), cubes(mode.outputs, OUTPUTS)),
+            &of.input.client,
+            CubeCount::new_2d(cubes(height * width, PIXELS), cubes(of.outputs, OUTPUTS)),
             CubeDim::new_1d(UNITS as u32),
-            argument(input),
-            argument(mask.unwrap_or(input)),
-            argument(filters),
-            argument(bias.unwrap_or(input)),
+            argument(of.input),
+            argument(of.mask.unwrap_or(of.input)),
+            argument(of.filters),
+            argument(of.bias.unwrap_or(of.input)),
             argument(&out),
-            size.height as u32,
-            size.width as u32,
+            of.size.height as u32,
+            of.size.width as u32,
             Mode {
-                relu: bias.is_some(),
-                masked: mask.is_some(),
-                ..mode
+                inputs: of.inputs,
+                outputs: of.outputs,
+                wider: of.wider,
+                mirrored: of.mirrored,
+                relu: of.bias.is_some(),
+                masked: of.mask.is_some(),
             },
         );
     }

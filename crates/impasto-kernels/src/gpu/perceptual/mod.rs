@@ -4,39 +4,35 @@ mod convolution;
 mod pixels;
 mod statistics;
 
-use super::launch::{from_slice, whole};
+use super::launch::{Uploads, copied, from_slice, whole};
 use crate::PerceptualStack;
 use crate::cpu::convolution::Filters;
-use crate::cpu::perceptual::Border;
+use crate::cpu::padded::Border;
 use burn::backend::ops::FloatTensorOps;
+use burn::tensor::Slice;
+use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
-use burn_cubecl::{CubeBackend, CubeDevice};
-use convolution::{Mode, Size, convolve};
-use std::sync::{Arc, OnceLock};
+use convolution::{Convolution, Size, convolve};
+use std::sync::Arc;
 
 /// One layer's constants on the device. Filters are `[tap][input][output]`, outputs padded to
 /// quads.
 #[derive(Debug)]
-struct Layer {
+struct DeviceFilters {
     forward: CubeTensor,
     backward: CubeTensor,
     bias: CubeTensor,
-    inputs: usize,
-    outputs: usize,
-    pool_before: bool,
-    statistics: bool,
 }
 
 /// A stack's constants on a device.
 #[derive(Debug)]
 struct Constants {
-    layers: Vec<Layer>,
+    layers: Vec<DeviceFilters>,
     input_offset: CubeTensor,
 }
 
-/// The constants of a stack on the first device that asked for them.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Resident(OnceLock<(CubeDevice, Arc<Constants>)>);
+/// Constants of stacks that still exist.
+static KNOWN: Uploads<PerceptualStack, Arc<Constants>> = Uploads::new();
 
 fn filters(like: &CubeTensor, filters: &Filters) -> CubeTensor {
     let quads = filters.outputs.div_ceil(4);
@@ -52,27 +48,11 @@ fn filters(like: &CubeTensor, filters: &Filters) -> CubeTensor {
 }
 
 impl Constants {
-    fn of(stack: &PerceptualStack, like: &CubeTensor) -> Arc<Self> {
-        let make = || Arc::new(Self::new(stack, like));
-        let (device, first) = stack
-            .resident
-            .0
-            .get_or_init(|| (like.device.clone(), make()));
-        match *device == like.device {
-            true => Arc::clone(first),
-            false => make(),
-        }
-    }
-
     fn new(stack: &PerceptualStack, like: &CubeTensor) -> Self {
-        let layers = stack.layers.iter().map(|layer| Layer {
+        let layers = stack.layers.iter().map(|layer| DeviceFilters {
             forward: filters(like, &layer.forward),
             backward: filters(like, &layer.backward),
             bias: from_slice(like, layer.bias.clone(), [layer.bias.len()]),
-            inputs: layer.forward.inputs,
-            outputs: layer.forward.outputs,
-            pool_before: layer.pool_before,
-            statistics: layer.statistics,
         });
         Self {
             layers: layers.collect(),
@@ -93,7 +73,7 @@ struct Step {
 
 /// Activations kept from a forward pass.
 #[derive(Debug, Clone)]
-pub struct Tape {
+pub struct StackTape {
     constants: Arc<Constants>,
     steps: Arc<Vec<Step>>,
 }
@@ -105,38 +85,40 @@ pub struct Tape {
 ///
 /// # Panics
 /// If the image is smaller than [`PerceptualStack::smallest`].
-pub(crate) fn forward(image: CubeTensor, stack: &PerceptualStack) -> (CubeTensor, Tape) {
+pub(crate) fn forward(image: CubeTensor, stack: &Arc<PerceptualStack>) -> (CubeTensor, StackTape) {
     let image = whole(image);
     let (height, width) = (image.meta.shape()[0], image.meta.shape()[1]);
     stack.check(height, width);
-    let constants = Constants::of(stack, &image);
+    let constants = KNOWN.of(stack, &image, || Arc::new(Constants::new(stack, &image)));
     let mut size = Size { height, width };
     let mut current = pixels::input(&image, stack.input_scale, &constants.input_offset);
     let mut steps: Vec<Step> = Vec::with_capacity(constants.layers.len());
     let mut results = Vec::new();
-    for layer in &constants.layers {
+    for (layer, own) in stack.layers.iter().zip(&constants.layers) {
+        let Filters {
+            inputs, outputs, ..
+        } = layer.forward;
         let pooled = layer.pool_before.then(|| {
             let to = Size {
                 height: stack.odd_end.pooled(size.height),
                 width: stack.odd_end.pooled(size.width),
             };
-            let pooled = pixels::pool(&current, size, to, layer.inputs);
+            let pooled = pixels::pool(&current, size, to, inputs);
             size = to;
             pooled
         });
-        let mode = Mode {
-            inputs: layer.inputs,
-            outputs: layer.outputs,
+        current = convolve(&Convolution {
+            input: pooled.as_ref().unwrap_or(&current),
+            mask: None,
+            filters: &own.forward,
+            bias: Some(&own.bias),
+            size,
+            inputs,
+            outputs,
             wider: 0,
             mirrored: stack.border == Border::Mirrored,
-            relu: true,
-            masked: false,
-        };
-        let input = (pooled.as_ref().unwrap_or(&current), None);
-        current = convolve(input, (&layer.forward, Some(&layer.bias)), size, mode);
-        let statistics = layer
-            .statistics
-            .then(|| statistics::of(&current, size, layer.outputs));
+        });
+        let statistics = (layer.statistics).then(|| statistics::of(&current, size, outputs));
         results.extend(statistics.clone());
         steps.push(Step {
             size,
@@ -146,7 +128,7 @@ pub(crate) fn forward(image: CubeTensor, stack: &PerceptualStack) -> (CubeTensor
         });
     }
     results.insert(0, current);
-    let tape = Tape {
+    let tape = StackTape {
         steps: Arc::new(steps),
         constants,
     };
@@ -154,44 +136,46 @@ pub(crate) fn forward(image: CubeTensor, stack: &PerceptualStack) -> (CubeTensor
 }
 
 /// See [`PerceptualStack::backward`].
-pub(crate) fn backward(tape: &Tape, grad: CubeTensor, stack: &PerceptualStack) -> CubeTensor {
+pub(crate) fn backward(tape: &StackTape, grad: CubeTensor, stack: &PerceptualStack) -> CubeTensor {
     let grad = whole(grad);
     let mirrored = stack.border == Border::Mirrored;
-    let Tape { constants, steps } = tape;
+    let StackTape { constants, steps } = tape;
     let [Some(last), Some(first)] = [steps.last(), steps.first()] else {
         unreachable!("a stack has layers");
     };
     let content = last.output.meta.num_elements();
-    let slice = burn::tensor::Slice::from(0..content);
+    let of_content = CubeBackend::float_slice(grad.clone(), &[Slice::from(0..content)]);
     // Statistics are added in place, so the content's part must not be shared.
-    let mut current =
-        super::launch::copied(&whole(CubeBackend::float_slice(grad.clone(), &[slice])));
+    let mut current = copied(&whole(of_content));
     let mut statistics_at = grad.meta.num_elements();
-    for (i, layer) in constants.layers.iter().enumerate().rev() {
+    for (i, filters) in constants.layers.iter().enumerate().rev() {
         let step = &steps[i];
+        let Filters {
+            inputs, outputs, ..
+        } = stack.layers[i].forward;
         if let Some(own) = &step.statistics {
-            statistics_at -= 2 * layer.outputs;
-            let of = (step.size, layer.outputs);
-            statistics::backward((&step.output, own), (&grad, statistics_at), &current, of);
+            statistics_at -= 2 * outputs;
+            statistics::backward(&step.output, own, &grad, statistics_at, &current);
         }
-        let mode = Mode {
-            inputs: layer.outputs,
-            outputs: layer.inputs,
+        current = convolve(&Convolution {
+            input: &current,
+            mask: Some(&step.output),
+            filters: &filters.backward,
+            bias: None,
+            size: step.size,
+            inputs: outputs,
+            outputs: inputs,
             wider: usize::from(mirrored),
             mirrored: false,
-            relu: false,
-            masked: true,
-        };
-        let input = (&current, Some(&step.output));
-        current = convolve(input, (&layer.backward, None), step.size, mode);
+        });
         // What falls on a mirrored border belongs to the pixels that it mirrors.
         if mirrored {
-            current = pixels::fold(&current, step.size, layer.inputs);
+            current = pixels::fold(&current, step.size, inputs);
         }
         if let (Some(pooled), Some(before)) = (&step.pooled, i.checked_sub(1)) {
             let before = &steps[before];
-            let from = (&before.output, before.size);
-            current = pixels::pool_backward(from, (pooled, step.size), &current, layer.inputs);
+            let sizes = [before.size, step.size];
+            current = pixels::pool_backward(&before.output, pooled, &current, sizes, inputs);
         }
     }
     let scaled = CubeBackend::float_mul_scalar(current, stack.input_scale.into());

@@ -57,10 +57,6 @@ pub(super) fn pool(input: &CubeTensor, from: Size, to: Size, channels: usize) ->
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn pool_backward_kernel(
     input: &[f32],
     pooled: &[f32],
@@ -102,11 +98,13 @@ fn pool_backward_kernel(
     }
 }
 
-/// Hands each pooled gradient to the first of the inputs that reached the maximum.
+/// Hands each pooled gradient to the first of the inputs that reached the maximum. Sizes are those
+/// of the input and of what is pooled.
 pub(super) fn pool_backward(
-    (input, from): (&CubeTensor, Size),
-    (pooled, to): (&CubeTensor, Size),
+    input: &CubeTensor,
+    pooled: &CubeTensor,
     grad: &CubeTensor,
+    [from, to]: [Size; 2],
     channels: usize,
 ) -> CubeTensor {
     let count = from.pixels() * channels;

@@ -100,10 +100,6 @@ pub(super) fn of(image: &CubeTensor, size: Size, channels: usize) -> CubeTensor 
 }
 
 #[cube(launch_unchecked)]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "a kernel's arguments are its buffers and numbers"
-)]
 fn backward_kernel(
     image: &[f32],
     own: &[f32],
@@ -126,12 +122,14 @@ fn backward_kernel(
 
 /// Adds the gradient of `own`, the statistics of `image`, to `into`; it begins at `grad_at`.
 pub(super) fn backward(
-    (image, own): (&CubeTensor, &CubeTensor),
-    (grad, grad_at): (&CubeTensor, usize),
+    image: &CubeTensor,
+    own: &CubeTensor,
+    grad: &CubeTensor,
+    grad_at: usize,
     into: &CubeTensor,
-    (size, channels): (Size, usize),
 ) {
-    let count = size.pixels() * channels;
+    let count = image.meta.num_elements();
+    let channels = own.meta.num_elements() / 2;
     // SAFETY: units look at their own number.
     unsafe {
         backward_kernel::launch_unchecked(
@@ -143,7 +141,7 @@ pub(super) fn backward(
             argument(grad),
             argument(into),
             grad_at as u32,
-            size.pixels() as f32,
+            (count / channels) as f32,
             count as u32,
             channels,
         );

@@ -1,6 +1,6 @@
 //! The stack machine that a pickle is a program for.
 
-use super::{Function, Object, Storage, Tensor, Value};
+use super::objects::{Function, Object, Objects, Storage, Tensor, Value};
 use std::collections::HashMap;
 
 /// Most values that one pickle may make: what bounds memory, as copies cost few bytes of program.
@@ -9,7 +9,7 @@ const MOST_VALUES: usize = 1 << 20;
 const MOST_DIMENSIONS: usize = 8;
 
 /// A program under way.
-pub(super) struct Machine<'a> {
+pub(super) struct PickleMachine<'a> {
     bytes: &'a [u8],
     pub(super) at: usize,
     /// Values that may still be made.
@@ -17,14 +17,14 @@ pub(super) struct Machine<'a> {
     stack: Vec<Value>,
     marks: Vec<usize>,
     memo: HashMap<u32, Value>,
-    pub(super) objects: Vec<Object>,
+    pub(super) objects: Objects,
 }
 
 const TOO_MANY: &str = "makes more values than a network has";
 const SHORT: &str = "ends too early";
 const CONFUSED: &str = "is not what PyTorch writes";
 
-impl<'a> Machine<'a> {
+impl<'a> PickleMachine<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self {
             bytes,
@@ -33,7 +33,7 @@ impl<'a> Machine<'a> {
             stack: Vec::new(),
             marks: Vec::new(),
             memo: HashMap::new(),
-            objects: Vec::new(),
+            objects: Objects::default(),
         }
     }
 
@@ -100,8 +100,7 @@ impl<'a> Machine<'a> {
                 self.append(&items)
             }
             b's' => {
-                let value = self.pop()?;
-                let key = self.pop()?;
+                let (value, key) = (self.pop()?, self.pop()?);
                 self.set_items(&[key, value])
             }
             b'u' => {
@@ -109,8 +108,7 @@ impl<'a> Machine<'a> {
                 self.set_items(&items)
             }
             b'c' => {
-                let module = self.line()?;
-                let name = self.line()?;
+                let (module, name) = (self.line()?, self.line()?);
                 self.make(Object::Function(Function::named(&module, &name)?))
             }
             0x93 => {
@@ -130,8 +128,8 @@ impl<'a> Machine<'a> {
                 let _state = self.pop()?;
                 // Hooks of a parameter and versions of a network's layers, which say nothing of
                 // the numbers.
-                match self.stack.last().map(|value| self.object(*value)) {
-                    Some(Ok(Object::Dict(_) | Object::Tensor(_))) => Ok(()),
+                match self.stack.last().and_then(|value| self.objects.get(*value)) {
+                    Some(Object::Dict(_) | Object::Tensor(_)) => Ok(()),
                     _ => Err(CONFUSED.into()),
                 }
             }
@@ -200,8 +198,8 @@ impl<'a> Machine<'a> {
     }
 
     fn make(&mut self, object: Object) -> Result<(), String> {
-        self.push(Value::Object(self.objects.len()))?;
-        self.objects.push(object);
+        self.spend(1)?;
+        self.stack.push(self.objects.add(object));
         Ok(())
     }
 
@@ -240,43 +238,27 @@ impl<'a> Machine<'a> {
         self.push(value)
     }
 
-    fn object(&self, value: Value) -> Result<&Object, String> {
-        match value {
-            Value::Object(at) => self.objects.get(at).ok_or_else(|| CONFUSED.into()),
-            _ => Err(CONFUSED.into()),
-        }
-    }
-
     /// The object on top of the stack, to be changed.
     fn top(&mut self) -> Result<&mut Object, String> {
-        match self.stack.last() {
-            Some(Value::Object(at)) => self.objects.get_mut(*at).ok_or_else(|| CONFUSED.into()),
-            _ => Err(CONFUSED.into()),
-        }
+        let top = self.stack.last().copied();
+        let object = top.and_then(|value| self.objects.get_mut(value));
+        object.ok_or_else(|| CONFUSED.into())
     }
 
     fn text(&self, value: Value) -> Result<&str, String> {
-        match self.object(value)? {
-            Object::Text(text) => Ok(text),
-            _ => Err(CONFUSED.into()),
-        }
+        self.objects.text(value).ok_or_else(|| CONFUSED.into())
     }
 
     fn tuple(&self, value: Value) -> Result<&[Value], String> {
-        match self.object(value)? {
-            Object::Tuple(items) => Ok(items),
-            _ => Err(CONFUSED.into()),
-        }
+        self.objects.tuple(value).ok_or_else(|| CONFUSED.into())
     }
 
     fn append(&mut self, items: &[Value]) -> Result<(), String> {
-        match self.top()? {
-            Object::List(list) => {
-                list.extend_from_slice(items);
-                Ok(())
-            }
-            _ => Err(CONFUSED.into()),
-        }
+        let Object::List(list) = self.top()? else {
+            return Err(CONFUSED.into());
+        };
+        list.extend_from_slice(items);
+        Ok(())
     }
 
     fn set_items(&mut self, items: &[Value]) -> Result<(), String> {
@@ -300,20 +282,20 @@ impl<'a> Machine<'a> {
             }
             _ => return Err("has a storage that is a view or of an unknown form".into()),
         };
-        match self.object(kind)? {
-            Object::Function(Function::Storage(number)) => Ok(Storage {
-                number: *number,
-                key: self.text(key)?.to_owned(),
-                length: natural(length)?,
-            }),
-            _ => Err(CONFUSED.into()),
-        }
+        let Some(Object::Function(Function::Storage(number))) = self.objects.get(kind) else {
+            return Err(CONFUSED.into());
+        };
+        Ok(Storage {
+            number: *number,
+            key: self.text(key)?.to_owned(),
+            length: natural(length)?,
+        })
     }
 
     fn call(&mut self) -> Result<(), String> {
         let (arguments, function) = (self.pop()?, self.pop()?);
         let arguments = self.tuple(arguments)?;
-        let Object::Function(function) = *self.object(function)? else {
+        let Some(&Object::Function(function)) = self.objects.get(function) else {
             return Err(CONFUSED.into());
         };
         match (function, arguments) {
@@ -327,11 +309,8 @@ impl<'a> Machine<'a> {
                 let tensor = self.tensor(*storage, *offset, *shape, *strides)?;
                 self.make(Object::Tensor(tensor))
             }
-            (Function::Wrap, [inner, ..]) => match self.object(*inner)? {
-                Object::Tensor(_) => {
-                    let inner = *inner;
-                    self.push(inner)
-                }
+            (Function::Wrap, &[inner, ..]) => match self.objects.get(inner) {
+                Some(Object::Tensor(_)) => self.push(inner),
                 _ => Err(CONFUSED.into()),
             },
             _ => Err(CONFUSED.into()),
@@ -340,15 +319,13 @@ impl<'a> Machine<'a> {
 
     /// A list of pairs, as Python 2 hands them to `OrderedDict`.
     fn pairs(&self, list: Value) -> Result<Vec<(Value, Value)>, String> {
-        let Object::List(list) = self.object(list)? else {
-            return Err(CONFUSED.into());
-        };
-        let pair = |item: &Value| match self.object(*item)? {
-            Object::List(pair) | Object::Tuple(pair) => match pair[..] {
-                [key, value] => Ok((key, value)),
+        let list = self.objects.list(list).ok_or(CONFUSED)?;
+        let pair = |item: &Value| {
+            let pair = self.objects.list(*item).or(self.objects.tuple(*item));
+            match pair {
+                Some(&[key, value]) => Ok((key, value)),
                 _ => Err(CONFUSED.into()),
-            },
-            _ => Err(CONFUSED.into()),
+            }
         };
         if list.len() > self.left {
             return Err(TOO_MANY.into());
@@ -363,9 +340,7 @@ impl<'a> Machine<'a> {
         shape: Value,
         strides: Value,
     ) -> Result<Tensor, String> {
-        let (Value::Object(at), Object::Storage(_)) = (storage, self.object(storage)?) else {
-            return Err(CONFUSED.into());
-        };
+        self.objects.storage(storage).ok_or(CONFUSED)?;
         let (shape, strides) = (self.tuple(shape)?, self.tuple(strides)?);
         if shape.len() != strides.len() || shape.len() > MOST_DIMENSIONS {
             return Err(CONFUSED.into());
@@ -374,7 +349,7 @@ impl<'a> Machine<'a> {
             sizes.iter().map(|size| natural(*size)).collect()
         };
         Ok(Tensor {
-            storage: at,
+            storage,
             offset: natural(offset)?,
             shape: all(shape)?,
             strides: all(strides)?,

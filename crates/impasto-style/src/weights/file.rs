@@ -1,7 +1,7 @@
 //! Tensors by name, from a file of any form that networks are handed around in.
 
-use super::number::Number;
-use super::source::{ReadSeek, Source};
+use super::number::{Number, Stored};
+use super::source::ByteSource;
 use super::torch;
 use crate::StyleError;
 use serde::Deserialize;
@@ -10,18 +10,9 @@ use std::fmt;
 use std::fs::File;
 use std::path::Path;
 
-/// Where a tensor's numbers are.
-#[derive(Debug)]
-pub(crate) struct Stored {
-    pub number: Number,
-    pub shape: Vec<u64>,
-    /// First byte in the file.
-    pub start: u64,
-}
-
-/// The form of a file.
+/// The format of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
+pub enum FileFormat {
     /// PyTorch's, since 1.6.
     TorchZip,
     /// PyTorch's, before 1.6.
@@ -30,7 +21,7 @@ pub enum Form {
     Safetensors,
 }
 
-impl fmt::Display for Form {
+impl fmt::Display for FileFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::TorchZip => "PyTorch checkpoint (zip)",
@@ -42,17 +33,17 @@ impl fmt::Display for Form {
 
 /// An opened file of tensors. Numbers are read when asked for; nothing in the file is run, and no
 /// more memory is taken than the file is long.
-pub struct Checkpoint {
+pub struct WeightsFile {
     name: String,
-    source: Source,
-    form: Form,
+    source: ByteSource,
+    format: FileFormat,
     tensors: BTreeMap<String, Stored>,
 }
 
 /// Most bytes of a safetensors header.
 const LONGEST_HEADER: u64 = 16 << 20;
 
-impl Checkpoint {
+impl WeightsFile {
     /// Opens a PyTorch checkpoint (`.pth`, either form) or a safetensors file; the contents
     /// decide, not the name.
     ///
@@ -69,29 +60,25 @@ impl Checkpoint {
     /// The same from anything readable; `name` is for messages.
     ///
     /// # Errors
-    /// Like [`Checkpoint::open`].
+    /// Like [`WeightsFile::open`].
     pub fn read(
         name: &str,
         reader: impl std::io::Read + std::io::Seek + Send + 'static,
     ) -> Result<Self, StyleError> {
-        let fault = |reason| StyleError::Weights {
-            file: name.to_owned(),
-            reason,
-        };
-        let reader: Box<dyn ReadSeek> = Box::new(reader);
-        let mut source = Source::new(reader).map_err(fault)?;
-        let (form, tensors) = tensors(&mut source).map_err(fault)?;
+        let fault = |reason: String| StyleError::weights(name, reason);
+        let mut source = ByteSource::new(Box::new(reader)).map_err(fault)?;
+        let (format, tensors) = tensors(&mut source).map_err(fault)?;
         Ok(Self {
             name: name.to_owned(),
             source,
-            form,
+            format,
             tensors,
         })
     }
 
-    /// The file's form.
-    pub fn form(&self) -> Form {
-        self.form
+    /// The file's format.
+    pub fn format(&self) -> FileFormat {
+        self.format
     }
 
     /// Number of tensors.
@@ -119,10 +106,8 @@ impl Checkpoint {
     /// # Errors
     /// If it is absent, of another shape, cannot be read, or holds what is no finite number.
     pub fn floats(&mut self, key: &str, shape: &[u64]) -> Result<Vec<f32>, StyleError> {
-        let stored = self
-            .tensors
-            .get(key)
-            .ok_or_else(|| self.fault(format!("has no tensor \"{key}\"")))?;
+        let stored = self.tensors.get(key);
+        let stored = stored.ok_or_else(|| self.fault(format!("has no tensor \"{key}\"")))?;
         if stored.shape != shape {
             return Err(self.fault(format!(
                 "has \"{key}\" of shape {:?}, {shape:?} was expected",
@@ -130,14 +115,14 @@ impl Checkpoint {
             )));
         }
         // Beside a side of 0 the others may be of any size.
-        let numbers = match shape.contains(&0) {
-            true => 0,
-            false => shape.iter().product::<u64>(),
+        let numbers = if shape.contains(&0) {
+            0
+        } else {
+            shape.iter().product::<u64>()
         };
         let length = numbers * stored.number.size();
-        let (number, start) = (stored.number, stored.start);
-        let bytes = self.source.bytes(start, length);
-        let floats = number.decode(&bytes.map_err(|reason| self.fault(reason))?);
+        let bytes = self.source.bytes(stored.start, length);
+        let floats = (stored.number).decode(&bytes.map_err(|reason| self.fault(reason))?);
         if floats.iter().all(|f| f.is_finite()) {
             Ok(floats)
         } else {
@@ -146,21 +131,18 @@ impl Checkpoint {
     }
 
     pub(crate) fn fault(&self, reason: String) -> StyleError {
-        StyleError::Weights {
-            file: self.name.clone(),
-            reason,
-        }
+        StyleError::weights(&self.name, reason)
     }
 }
 
-fn tensors(source: &mut Source) -> Result<(Form, BTreeMap<String, Stored>), String> {
+fn tensors(source: &mut ByteSource) -> Result<(FileFormat, BTreeMap<String, Stored>), String> {
     let head = source.bytes(0, source.length().min(265))?;
     if head.starts_with(b"PK\x03\x04") {
-        Ok((Form::TorchZip, torch::read_zip(source)?))
+        Ok((FileFormat::TorchZip, torch::read_zip(source)?))
     } else if let [0x80, _, 0x8a, ..] = head[..] {
-        Ok((Form::TorchStream, torch::read_stream(source)?))
+        Ok((FileFormat::TorchStream, torch::read_stream(source)?))
     } else if head.get(8) == Some(&b'{') {
-        Ok((Form::Safetensors, read_safetensors(source)?))
+        Ok((FileFormat::Safetensors, read_safetensors(source)?))
     } else if head.get(257..262) == Some(b"ustar") {
         Err("is a PyTorch checkpoint of before 2017 (tar); load and save it with PyTorch".into())
     } else {
@@ -178,13 +160,9 @@ struct Listed {
     data_offsets: [u64; 2],
 }
 
-fn read_safetensors(source: &mut Source) -> Result<BTreeMap<String, Stored>, String> {
+fn read_safetensors(source: &mut ByteSource) -> Result<BTreeMap<String, Stored>, String> {
     let damaged = |what: &str| format!("is a damaged safetensors file ({what})");
-    let length = source.bytes(0, 8)?;
-    let length = length
-        .iter()
-        .rev()
-        .fold(0, |all, b| (all << 8) | u64::from(*b));
+    let length = source.number(0)?;
     if length > LONGEST_HEADER {
         return Err(damaged("its header is too long"));
     }
@@ -209,9 +187,8 @@ fn read_safetensors(source: &mut Source) -> Result<BTreeMap<String, Stored>, Str
                 "the sizes of \"{name}\" contradict each other"
             )));
         }
-        let start = (8 + length)
-            .checked_add(from)
-            .ok_or_else(|| damaged(&name))?;
+        let start = (8 + length).checked_add(from);
+        let start = start.ok_or_else(|| damaged(&name))?;
         source.within(start, to - from)?;
         let stored = Stored {
             number,
