@@ -1,6 +1,6 @@
 //! Colours of pictures as mean and covariance, and the linear map between two of them.
 
-use crate::embedding::STYLE_SIDE;
+use crate::config::STYLE_SIDE;
 use burn::tensor::Tensor;
 use glam::{DMat3, DVec3};
 use image::RgbImage;

@@ -4,9 +4,6 @@ use crate::color::ColorStatistics;
 use image::RgbImage;
 use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, picture, square_crop};
 
-/// Side of the square pictures that style is judged on.
-pub const STYLE_SIDE: u32 = 160;
-
 /// A painting as models take it in.
 #[derive(Debug, Clone)]
 pub struct StyleEmbedding {

@@ -4,7 +4,7 @@ use crate::appearance::StyledAppearance;
 use crate::camera_rays::CameraRays;
 use crate::embedding::StyleEmbedding;
 use crate::layers::{
-    BlendTarget, ColorPreservation, LayerError, Mask, MaskShape, MaskSpec, StyleLayer,
+    BlendTarget, ColorPreservation, LayerError, LayerMask, MaskShape, MaskSpec, StyleLayer,
     StyleLayerSpec, SurfaceCells,
 };
 use crate::model::Model;
@@ -95,7 +95,7 @@ impl Model {
                 }
                 _ => None,
             };
-            Ok(Mask {
+            Ok(LayerMask {
                 shape: spec.shape.clone(),
                 region,
                 inverted: spec.inverted,

@@ -12,7 +12,7 @@ use crate::grids::OccupancyGrids;
 use crate::rays::RayBatch;
 use crate::sampling::Samples;
 use crate::sampling::occupancy::OccupancySampler;
-use crate::volrend::accumulate::{Features, accumulate};
+use crate::volrend::accumulate::{FeatureRows, accumulate};
 use crate::volrend::gbuffer::GBuffer;
 use crate::volrend::weights::{median_depth, pruned, visibility_mask};
 use burn::tensor::{Device, Tensor};
@@ -91,8 +91,8 @@ impl<'a> Cpu<'a> {
     }
 }
 
-/// Features, densities and weights of samples.
-pub(crate) struct Evaluated {
+/// FeatureRows, densities and weights of samples.
+pub(crate) struct CpuValues {
     samples: Samples,
     features: [Vec<f32>; 2],
     densities: Vec<f32>,
@@ -107,7 +107,7 @@ pub(crate) struct CpuShader {
 
 impl Backend for Cpu<'_> {
     type Samples = Samples;
-    type Evaluated = Evaluated;
+    type Evaluated = CpuValues;
     type Shader = CpuShader;
 
     fn rays_together(&self, _: usize) -> usize {
@@ -122,11 +122,11 @@ impl Backend for Cpu<'_> {
         OccupancySampler::new(self.spec, self.grids, seed).few(rays)
     }
 
-    fn evaluate(&self, _: &RayBatch, samples: Samples, _: Option<u64>) -> Vec<Evaluated> {
+    fn evaluate(&self, _: &RayBatch, samples: Samples, _: Option<u64>) -> Vec<CpuValues> {
         let (inner, mut densities) = self.geometry[0].run(&samples.inner.cube);
         let (outer, behind) = self.geometry[1].run(&samples.outer.cube);
         densities.extend(behind);
-        vec![Evaluated {
+        vec![CpuValues {
             weights: composite::weights(&samples.layout, &densities),
             features: [inner, outer],
             densities,
@@ -134,19 +134,19 @@ impl Backend for Cpu<'_> {
         }]
     }
 
-    fn depth(&self, evaluated: &Evaluated) -> Tensor<1> {
+    fn depth(&self, evaluated: &CpuValues) -> Tensor<1> {
         let depth = median_depth(&evaluated.samples.layout, &evaluated.weights);
         Tensor::from_data(depth.as_slice(), self.device)
     }
 
-    fn accumulate(&self, evaluated: &Evaluated, spec: BufferSpec<'_>) -> GBuffer {
+    fn accumulate(&self, evaluated: &CpuValues, spec: BufferSpec<'_>) -> GBuffer {
         let samples = &evaluated.samples;
         let widths = self.field.features();
         if spec.config.shading == Shading::Samples {
             let keep = visibility_mask(&samples.layout, &evaluated.weights, spec.least_weight);
             return self.kept(evaluated, &keep, spec);
         }
-        let features = [0, 1].map(|v| Features {
+        let features = [0, 1].map(|v| FeatureRows {
             rows: &evaluated.features[v],
             width: widths[v],
         });
@@ -169,7 +169,7 @@ impl Backend for Cpu<'_> {
         }
     }
 
-    fn shade(&self, evaluated: &Evaluated, shader: &CpuShader, least_weight: f32) -> Tensor<2> {
+    fn shade(&self, evaluated: &CpuValues, shader: &CpuShader, least_weight: f32) -> Tensor<2> {
         let layout = &*evaluated.samples.layout;
         let app = shader
             .app
@@ -190,7 +190,7 @@ impl Backend for Cpu<'_> {
 
 impl Cpu<'_> {
     /// Of samples that `keep` says, one flag per sample in layout order.
-    fn kept(&self, evaluated: &Evaluated, keep: &[bool], spec: BufferSpec<'_>) -> GBuffer {
+    fn kept(&self, evaluated: &CpuValues, keep: &[bool], spec: BufferSpec<'_>) -> GBuffer {
         let samples = &evaluated.samples;
         let (inner, outer) = keep.split_at(samples.inner.len());
         let widths = self.field.features();

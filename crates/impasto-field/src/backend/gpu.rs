@@ -115,7 +115,7 @@ impl<'a> Gpu<'a> {
 }
 
 /// Features and densities of samples, and what they are merged to.
-pub(crate) struct Evaluated {
+pub(crate) struct GpuValues {
     samples: FieldSamples,
     merged: MergedSamples,
     directions: Tensor<2>,
@@ -130,7 +130,7 @@ pub(crate) struct GpuShader {
 
 impl Backend for Gpu<'_> {
     type Samples = RaySamples;
-    type Evaluated = Evaluated;
+    type Evaluated = GpuValues;
     type Shader = GpuShader;
 
     /// As many as every device has room for, which keeps a large one busy.
@@ -153,21 +153,21 @@ impl Backend for Gpu<'_> {
             .march(&uploaded, self.sampling, least_weight(seed))
     }
 
-    fn evaluate(&self, _: &RayBatch, samples: RaySamples, _: Option<u64>) -> Vec<Evaluated> {
+    fn evaluate(&self, _: &RayBatch, samples: RaySamples, _: Option<u64>) -> Vec<GpuValues> {
         let directions = samples.directions();
         let samples = gpu::evaluate(&self.gpu.spec, samples, &self.volumes);
-        vec![Evaluated {
+        vec![GpuValues {
             merged: samples.accumulate(),
             samples,
             directions,
         }]
     }
 
-    fn depth(&self, evaluated: &Evaluated) -> Tensor<1> {
+    fn depth(&self, evaluated: &GpuValues) -> Tensor<1> {
         evaluated.merged.depth.clone()
     }
 
-    fn accumulate(&self, evaluated: &Evaluated, spec: BufferSpec<'_>) -> GBuffer {
+    fn accumulate(&self, evaluated: &GpuValues, spec: BufferSpec<'_>) -> GBuffer {
         let (merged, directions) = (&evaluated.merged, &evaluated.directions);
         let [rays, _] = directions.dims();
         let views = encoded_views(directions, &spec.config.app);
@@ -203,7 +203,7 @@ impl Backend for Gpu<'_> {
     }
 
     /// Shades all samples: leaving some out would cost more than it saves.
-    fn shade(&self, evaluated: &Evaluated, shader: &GpuShader, _: f32) -> Tensor<2> {
+    fn shade(&self, evaluated: &GpuValues, shader: &GpuShader, _: f32) -> Tensor<2> {
         let views = encoded_views(&evaluated.directions, &shader.app);
         evaluated
             .samples

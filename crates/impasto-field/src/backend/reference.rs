@@ -9,7 +9,7 @@ use crate::field::{Field, FieldWeights};
 use crate::grids::OccupancyGrids;
 use crate::rays::RayBatch;
 use crate::sampling::{Samples, hierarchical};
-use crate::volrend::accumulate::{Features, accumulate};
+use crate::volrend::accumulate::{FeatureRows, accumulate};
 use crate::volrend::gbuffer::GBuffer;
 use crate::volrend::weights::{median_depth, pruned, visibility_mask};
 use burn::tensor::Tensor;
@@ -29,12 +29,12 @@ pub(crate) struct Reference<'a> {
     pub(crate) grids: Option<&'a OccupancyGrids>,
 }
 
-/// Features and densities of samples.
+/// FeatureRows and densities of samples.
 #[derive(Debug, Clone)]
 pub struct FieldValues {
     /// The samples.
     pub samples: Samples,
-    /// Features of each volume, `[n, width]`, absent when no ray has a sample there.
+    /// FeatureRows of each volume, `[n, width]`, absent when no ray has a sample there.
     pub features: [Option<Tensor<2>>; 2],
     /// Density of each sample.
     pub density: Tensor<1>,
@@ -48,7 +48,7 @@ impl FieldValues {
 }
 
 impl Field {
-    /// Features and densities of samples.
+    /// FeatureRows and densities of samples.
     pub fn evaluate(&self, weights: &FieldWeights, samples: Samples) -> FieldValues {
         let latent = weights.latent.as_ref();
         let positions = samples.outer.positions(4);
@@ -86,12 +86,12 @@ impl Field {
 }
 
 /// What the field says of samples, with what that makes of their rays.
-pub(crate) struct Evaluated {
+pub(crate) struct WeightedValues {
     values: FieldValues,
     weights: Vec<f32>,
 }
 
-impl From<FieldValues> for Evaluated {
+impl From<FieldValues> for WeightedValues {
     fn from(values: FieldValues) -> Self {
         Self {
             weights: values.weights(),
@@ -102,7 +102,7 @@ impl From<FieldValues> for Evaluated {
 
 impl Backend for Reference<'_> {
     type Samples = Samples;
-    type Evaluated = Evaluated;
+    type Evaluated = WeightedValues;
     type Shader = Appearance;
 
     fn rays_together(&self, most: usize) -> usize {
@@ -121,7 +121,12 @@ impl Backend for Reference<'_> {
         self.field.sample(rays, self.grids, seed)
     }
 
-    fn evaluate(&self, rays: &RayBatch, samples: Samples, seed: Option<u64>) -> Vec<Evaluated> {
+    fn evaluate(
+        &self,
+        rays: &RayBatch,
+        samples: Samples,
+        seed: Option<u64>,
+    ) -> Vec<WeightedValues> {
         let Some(coarse) = &self.weights.coarse else {
             return vec![self.field.evaluate(self.weights, samples).into()];
         };
@@ -132,13 +137,13 @@ impl Backend for Reference<'_> {
         vec![first.into(), fine.into()]
     }
 
-    fn depth(&self, evaluated: &Evaluated) -> Tensor<1> {
+    fn depth(&self, evaluated: &WeightedValues) -> Tensor<1> {
         let depth = median_depth(&evaluated.values.samples.layout, &evaluated.weights);
         Tensor::from_data(depth.as_slice(), &evaluated.values.density.device())
     }
 
-    fn accumulate(&self, evaluated: &Evaluated, spec: BufferSpec<'_>) -> GBuffer {
-        let Evaluated { values, weights } = evaluated;
+    fn accumulate(&self, evaluated: &WeightedValues, spec: BufferSpec<'_>) -> GBuffer {
+        let WeightedValues { values, weights } = evaluated;
         let samples = &values.samples;
         let device = values.density.device();
         if spec.config.shading == Shading::Samples {
@@ -152,7 +157,7 @@ impl Backend for Reference<'_> {
                 features.as_ref().map_or(1, |f| f.dims()[1]),
             )
         });
-        let features = rows.each_ref().map(|(rows, width)| Features {
+        let features = rows.each_ref().map(|(rows, width)| FeatureRows {
             rows,
             width: *width,
         });
@@ -164,7 +169,12 @@ impl Backend for Reference<'_> {
         appearance.clone()
     }
 
-    fn shade(&self, evaluated: &Evaluated, shader: &Appearance, least_weight: f32) -> Tensor<2> {
+    fn shade(
+        &self,
+        evaluated: &WeightedValues,
+        shader: &Appearance,
+        least_weight: f32,
+    ) -> Tensor<2> {
         let spec = BufferSpec {
             config: &shader.config,
             least_weight,

@@ -3,7 +3,7 @@
 
 use crate::config::HierarchicalConfig;
 use crate::rays::RayBatch;
-use crate::sampling::pack::{CHUNK, LAST_STEP, Part, Step, join};
+use crate::sampling::pack::{CHUNK, LAST_STEP, Part, SampleStep, join};
 use crate::sampling::samples::Samples;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
 use impasto_kernels::cpu::composite;
@@ -181,7 +181,7 @@ fn place(origin: [f32; 3], direction: [f32; 3], places: &Places, part: &mut Part
     for (i, t) in places.inner.iter().enumerate() {
         let point = [0, 1, 2].map(|axis| origin[axis] + t * direction[axis]);
         let next = places.inner.get(i + 1).copied().unwrap_or(far);
-        let step = Step {
+        let step = SampleStep {
             cube: inner_cube(point),
             delta: (next - t) * length,
             depth: *t,
@@ -191,7 +191,7 @@ fn place(origin: [f32; 3], direction: [f32; 3], places: &Places, part: &mut Part
     }
     for (i, s) in places.outer.iter().enumerate() {
         let (point, depth) = outer_point(origin, direction, *s);
-        let step = Step {
+        let step = SampleStep {
             cube: outer_cube(point),
             delta: places.outer.get(i + 1).map_or(LAST_STEP, |next| s - next),
             depth,

@@ -3,7 +3,7 @@
 use crate::grids::OccupancyGrids;
 use crate::rays::{RayBatch, jitter};
 use crate::sampling::expected::{ExpectedWeights, Table};
-use crate::sampling::pack::{CHUNK, Part, Step, join};
+use crate::sampling::pack::{CHUNK, Part, SampleStep, join};
 use crate::sampling::samples::Samples;
 use crate::sphere::{dot, exit, inner_cube, outer_cube, outer_point};
 use impasto_kernels::OccupancySpec;
@@ -176,7 +176,7 @@ impl<'a> OccupancySampler<'a> {
         for &[start, end] in parts {
             let t = self.spec.near + (start + jitter * (end - start)) * ray.step;
             let point = ray.at(t);
-            let step = Step {
+            let step = SampleStep {
                 cube: inner_cube(point),
                 delta: (end - start) * ray.step * length,
                 depth: t,
@@ -190,7 +190,7 @@ impl<'a> OccupancySampler<'a> {
         for &[start, end] in parts {
             let inverse_radius = 1.0 - (start + jitter * (end - start)) * size;
             let (point, depth) = outer_point(ray.origin, ray.direction, inverse_radius);
-            let step = Step {
+            let step = SampleStep {
                 cube: outer_cube(point),
                 delta: (end - start) * size,
                 depth,

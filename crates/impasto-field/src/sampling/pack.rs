@@ -19,7 +19,7 @@ pub(super) struct VolumePart {
 }
 
 /// One sample.
-pub(super) struct Step {
+pub(super) struct SampleStep {
     pub(super) cube: [f32; 3],
     pub(super) delta: f32,
     /// In units of the ray's direction.
@@ -31,7 +31,7 @@ pub(super) struct Step {
 impl VolumePart {
     /// Adds a sample; `raw` is empty where no encoding wants it.
     #[inline(always)]
-    pub(super) fn push(&mut self, raw: &[f32], step: &Step) {
+    pub(super) fn push(&mut self, raw: &[f32], step: &SampleStep) {
         self.samples.raw.extend(raw);
         self.samples.cube.extend(step.cube);
         self.steps[0].push(step.delta);

@@ -7,7 +7,7 @@ use impasto_kernels::{CompositeLayout, RaySpan};
 use std::ops::Range;
 
 /// Rays with at most one sample per volume.
-pub(crate) struct Merged {
+pub(crate) struct MergedRays {
     pub(crate) layout: CompositeLayout,
     /// Optical depths, of all inner ones, then of all outer ones.
     pub(crate) density: Vec<f32>,
@@ -28,7 +28,7 @@ pub(crate) struct MergedVolume {
 
 /// A volume's features: `n × width`.
 #[derive(Clone, Copy)]
-pub(crate) struct Features<'a> {
+pub(crate) struct FeatureRows<'a> {
     pub(crate) rows: &'a [f32],
     pub(crate) width: usize,
 }
@@ -38,9 +38,9 @@ pub(crate) struct Features<'a> {
 /// left out where that is nothing. No gradients.
 pub(crate) fn accumulate(
     samples: &Samples,
-    features: [Features<'_>; 2],
+    features: [FeatureRows<'_>; 2],
     weights: &[f32],
-) -> Merged {
+) -> MergedRays {
     let split = samples.inner.len();
     let layout = &samples.layout;
     let (mut inner, mut outer) = (Vec::new(), Vec::new());
@@ -73,10 +73,10 @@ pub(crate) fn accumulate(
     let of_steps = |steps: &[f32]| {
         let parts = [(&inner, &steps[..split]), (&outer, &steps[split..])];
         parts
-            .map(|(merging, rows)| merging.means(Features { rows, width: 1 }))
+            .map(|(merging, rows)| merging.means(FeatureRows { rows, width: 1 }))
             .concat()
     };
-    Merged {
+    MergedRays {
         layout: CompositeLayout {
             rays,
             deltas: vec![1.0; optical.len()],
@@ -108,13 +108,13 @@ impl Merging {
         Self { rays, shares }
     }
 
-    fn means(&self, of: Features<'_>) -> Vec<f32> {
+    fn means(&self, of: FeatureRows<'_>) -> Vec<f32> {
         let spans = self.rays.iter().map(|(_, span)| span.clone());
         passes::means((of.rows, of.width), spans, &self.shares)
     }
 
-    fn merged(&self, cube: &[f32], features: Features<'_>) -> MergedVolume {
-        let points = Features {
+    fn merged(&self, cube: &[f32], features: FeatureRows<'_>) -> MergedVolume {
+        let points = FeatureRows {
             rows: cube,
             width: 3,
         };

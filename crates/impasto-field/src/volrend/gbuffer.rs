@@ -4,7 +4,7 @@
 use crate::appearance::Appearance;
 use crate::config::AppearanceConfig;
 use crate::encoding::{frequencies, matrix};
-use crate::volrend::accumulate::Merged;
+use crate::volrend::accumulate::MergedRays;
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::{CompositeLayout, HashGridSpec, RaySpan, ops};
 use std::sync::Arc;
@@ -167,7 +167,7 @@ impl GBuffer {
 
     /// Of rays that were accumulated to one sample a volume, with their unit directions.
     pub(crate) fn of_merged(
-        merged: Merged,
+        merged: MergedRays,
         views: &[f32],
         config: &AppearanceConfig,
         device: &Device,

@@ -9,6 +9,8 @@ use impasto_kernels::settings::{OutOfRange, share, usable};
 use impasto_style::{Network, PatchStrides, StyleError, StyleReduction, StyleVae};
 use serde::{Deserialize, Serialize};
 
+/// Side of the square pictures that style is judged on.
+pub const STYLE_SIDE: u32 = 160;
 /// More rays than this are no patch.
 const MOST_PATCH_RAYS: usize = 1 << 18;
 

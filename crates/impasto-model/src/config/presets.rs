@@ -1,9 +1,9 @@
 //! The presets.
 
 use crate::config::{
-    ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, StyleConfig, TrainConfig,
+    ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, STYLE_SIDE, StyleConfig,
+    TrainConfig,
 };
-use crate::embedding::STYLE_SIDE;
 use impasto_field::{
     AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig, Shading,
     VolumeConfig,

@@ -1,7 +1,7 @@
 //! One layer of paint, ready to be blended over what is below it.
 
 use crate::appearance::StyledAppearance;
-use crate::layers::mask::Mask;
+use crate::layers::mask::LayerMask;
 use crate::layers::spec::ColorPreservation;
 use impasto_field::RayBatch;
 
@@ -12,7 +12,7 @@ pub struct StyleLayer {
     /// From what is below (0) to the paint (1).
     pub(crate) strength: f32,
     pub(crate) keep: ColorPreservation,
-    pub(crate) mask: Option<Mask>,
+    pub(crate) mask: Option<LayerMask>,
 }
 
 impl StyleLayer {

@@ -103,7 +103,7 @@ impl MaskSpec {
 
 /// A part of the scene, ready to be asked.
 #[derive(Debug, Clone)]
-pub(crate) struct Mask {
+pub(crate) struct LayerMask {
     pub(crate) shape: MaskShape,
     /// The grown region of a surface.
     pub(crate) region: Option<Region>,
@@ -114,7 +114,7 @@ pub(crate) struct Mask {
 /// ragged otherwise, and what is outside stays untouched.
 const FEATHER: f32 = 0.04;
 
-impl Mask {
+impl LayerMask {
     /// How much of the layer goes where a ray ends, from 0 to 1. A depth that is not finite is beyond
     /// everything.
     pub(crate) fn share(&self, origin: [f32; 3], direction: [f32; 3], depth: f32) -> f32 {
@@ -169,7 +169,7 @@ mod tests {
 
     fn share(shape: &MaskShape, point: [f32; 3]) -> f32 {
         // From far behind the point, along z.
-        let mask = |inverted| Mask {
+        let mask = |inverted| LayerMask {
             shape: shape.clone(),
             region: None,
             inverted,
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn what_never_ends_is_far_and_behind_every_depth() {
         let endless = |shape| {
-            let mask = Mask {
+            let mask = LayerMask {
                 shape,
                 region: None,
                 inverted: false,

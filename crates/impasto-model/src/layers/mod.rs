@@ -8,7 +8,7 @@ mod spec;
 
 pub(crate) use layer::BlendTarget;
 pub use layer::StyleLayer;
-pub(crate) use mask::Mask;
+pub(crate) use mask::LayerMask;
 pub use mask::{MaskShape, MaskSpec};
 pub use spec::{ColorPreservation, LayerError, PaintingSpec, StyleLayerSpec, StyleLayers};
 
