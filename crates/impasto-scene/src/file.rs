@@ -1,8 +1,9 @@
-//! Whole files, of which nothing is known but the path.
+//! Whole files, of which nothing is known but the path: read up to a limit, written all at once.
 
 use std::fs::{self, File, Metadata};
-use std::io::{self, Read};
-use std::path::Path;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Largest file of poses, settings or cameras, in bytes: 4 GiB, the model of some ten thousand
 /// photos.
@@ -67,6 +68,93 @@ pub fn check_regular(path: &Path) -> io::Result<Metadata> {
     Ok(facts)
 }
 
+/// Writes a file under a temporary name beside it, flushes it to the disk and renames it, so that
+/// nobody ever finds half of it and a crash leaves the old file or the new one.
+///
+/// # Errors
+/// What the system says. The old file is then still there, and the temporary one is not.
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    replace(path, bytes, |_| Ok(()))
+}
+
+/// [`write_atomic`] that reads the new file back and lets it take the old one's place only if
+/// `right` accepts it.
+///
+/// # Errors
+/// As [`write_atomic`]; also if `right` refuses what was read back.
+pub fn write_verified(path: &Path, bytes: &[u8], right: &dyn Fn(&[u8]) -> bool) -> io::Result<()> {
+    replace(path, bytes, |temporary| {
+        if right(&fs::read(temporary)?) {
+            return Ok(());
+        }
+        Err(io::Error::other(
+            "what was written is not what can be read back; check the disk",
+        ))
+    })
+}
+
+/// The name that a temporary file of [`write_atomic`] or [`write_verified`] would have got; `None`
+/// for every other name, so that a foreign file is never taken for a leftover.
+pub fn name_of_temporary(name: &str) -> Option<&str> {
+    let inner = name.strip_prefix('.')?.strip_suffix(TEMPORARY_ENDING)?;
+    let (target, writer) = inner.rsplit_once('.')?;
+    let (process, count) = writer.split_once('-')?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    (!target.is_empty() && is_number(process) && is_number(count)).then_some(target)
+}
+
+/// What the names of temporary files end with.
+const TEMPORARY_ENDING: &str = ".impasto.tmp";
+
+/// Name under which to write a file that will be `path`: of this process and this call alone, since
+/// two writers of one file must not share it.
+fn temporary_path(path: &Path) -> io::Result<PathBuf> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let name = path.file_name().ok_or_else(|| {
+        let problem = "it does not end with a file's name; give the path of a file";
+        io::Error::new(io::ErrorKind::InvalidInput, problem)
+    })?;
+    let (process, count) = (std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    let mut temporary = std::ffi::OsString::from(".");
+    temporary.push(name);
+    temporary.push(format!(".{process}-{count}{TEMPORARY_ENDING}"));
+    Ok(path.with_file_name(temporary))
+}
+
+/// Writes a file beside `path` and, if `check` of it succeeds, renames it.
+fn replace(
+    path: &Path,
+    bytes: &[u8],
+    check: impl FnOnce(&Path) -> io::Result<()>,
+) -> io::Result<()> {
+    let temporary = temporary_path(path)?;
+    let written = write_synced(&temporary, bytes)
+        .and_then(|()| check(&temporary))
+        .and_then(|()| fs::rename(&temporary, path));
+    if written.is_err() {
+        // Best effort: the first failure is what matters.
+        let _ = fs::remove_file(&temporary);
+    }
+    written.and_then(|()| sync_folder(path))
+}
+
+fn write_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+/// Makes a rename last. Only Unix can open folders.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    match path.parent() {
+        Some(folder) if cfg!(unix) => {
+            let here = folder.as_os_str().is_empty();
+            File::open(if here { Path::new(".") } else { folder })?.sync_all()
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Why a path cannot be read, and what to do where that is known, as a part of a sentence.
 pub fn plainly(error: &io::Error) -> String {
     match error.kind() {
@@ -97,6 +185,89 @@ mod tests {
         assert!(said(&path).contains("larger than"));
         assert!(said(dir.path()).contains("folder"));
         assert!(said(&dir.path().join("none")).contains("no such file"));
+    }
+
+    /// Names of the files in a folder.
+    fn names(folder: &Path) -> Vec<String> {
+        let name = |entry: io::Result<fs::DirEntry>| entry.unwrap().file_name();
+        fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| name(entry).into_string().unwrap())
+            .collect()
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("model.safetensors");
+        for bytes in [&b"old"[..], b"new", b""] {
+            write_atomic(&path, bytes).unwrap();
+            assert_eq!(fs::read(&path).unwrap(), bytes);
+            assert_eq!(names(dir.path()), ["model.safetensors"]);
+        }
+    }
+
+    #[test]
+    fn a_file_that_reads_back_wrong_does_not_replace_the_old_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("model.safetensors");
+        write_atomic(&path, b"old").unwrap();
+        let error = write_verified(&path, b"new", &|bytes| bytes != b"new").unwrap_err();
+        assert!(error.to_string().contains("check the disk"), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(dir.path()), ["model.safetensors"]);
+        write_verified(&path, b"new", &|bytes| bytes == b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_failed_write_leaves_what_was_there() {
+        let dir = tempfile::tempdir().unwrap();
+        // A folder in the way makes the renaming fail.
+        let taken = dir.path().join("taken");
+        fs::create_dir(&taken).unwrap();
+        fs::write(taken.join("inside"), b"old").unwrap();
+        write_atomic(&taken, b"new").unwrap_err();
+        assert_eq!(fs::read(taken.join("inside")).unwrap(), b"old");
+        write_atomic(&dir.path().join("none/file"), b"new").unwrap_err();
+        write_atomic(&dir.path().join(".."), b"new").unwrap_err();
+        assert_eq!(names(dir.path()), ["taken"]);
+    }
+
+    #[test]
+    fn writers_of_one_file_do_not_meet() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("shared");
+        std::thread::scope(|scope| {
+            for byte in 0..4 {
+                let path = &path;
+                scope.spawn(move || write_atomic(path, &[byte; 1000]).unwrap());
+            }
+        });
+        let bytes = fs::read(&path).unwrap();
+        assert_eq!(bytes, [bytes[0]; 1000]);
+        assert_eq!(names(dir.path()), ["shared"]);
+    }
+
+    #[test]
+    fn only_our_temporary_files_are_recognised() {
+        let temporary = temporary_path(Path::new("folder/a.b.json")).unwrap();
+        assert_eq!(temporary.parent(), Some(Path::new("folder")));
+        let name = temporary.file_name().unwrap().to_str().unwrap();
+        assert_eq!(name_of_temporary(name), Some("a.b.json"), "{name}");
+        for foreign in [
+            "a.json",
+            "a.tmp",
+            ".a.tmp",
+            ".a.impasto.tmp",
+            ".a.mine.impasto.tmp",
+            ".a.1-.impasto.tmp",
+            "..1-2.impasto.tmp",
+            "a.1-2.impasto.tmp",
+            ".a.1-2.impasto.tmp.bak",
+        ] {
+            assert_eq!(name_of_temporary(foreign), None, "{foreign}");
+        }
     }
 
     #[cfg(unix)]
