@@ -46,7 +46,9 @@ pub fn psnr_of(a: &[f32], b: &[f32], used: &[bool]) -> f64 {
 pub fn ssim_of(
     a: &[f32],
     b: &[f32],
-    (width, height, channels): (usize, usize, usize),
+    width: usize,
+    height: usize,
+    channels: usize,
     used: &[bool],
 ) -> f64 {
     if a.len() != b.len() || used.len() != width * height || width.min(height) < WINDOW {
@@ -67,7 +69,7 @@ pub fn ssim_of(
     let centres: Vec<bool> = inner(height)
         .flat_map(|y| inner(width).map(move |x| used[y * width + x]))
         .collect();
-    mean_similarity(&a, &b, (width, height, channels), Some(&centres))
+    mean_similarity(&a, &b, width, height, channels, Some(&centres))
 }
 
 /// Mean structural similarity (Wang et al. 2004) of two pictures, `height × width × channels`
@@ -77,14 +79,16 @@ pub fn ssim_of(
 /// averaged over the pixels whose window lies inside the picture, then over channels. NaN when a
 /// length is not `height · width · channels` or a side is shorter than the window.
 pub fn ssim(a: &[f32], b: &[f32], width: usize, height: usize, channels: usize) -> f64 {
-    mean_similarity(a, b, (width, height, channels), None)
+    mean_similarity(a, b, width, height, channels, None)
 }
 
 /// The mean over windows, all of them or those whose centre is chosen, then over channels.
 fn mean_similarity(
     a: &[f32],
     b: &[f32],
-    (width, height, channels): (usize, usize, usize),
+    width: usize,
+    height: usize,
+    channels: usize,
     centres: Option<&[bool]>,
 ) -> f64 {
     let length = width * height * channels;
@@ -191,11 +195,11 @@ mod tests {
     fn unused_pixels_do_not_count() {
         let (mut a, mut b) = pictures();
         let (whole, all) = (ssim(&a, &b, 19, 14, 3), vec![true; 19 * 14]);
-        assert_eq!(ssim_of(&a, &b, (19, 14, 3), &all), whole);
+        assert_eq!(ssim_of(&a, &b, 19, 14, 3, &all), whole);
         assert_eq!(psnr_of(&a, &b, &all), psnr(&a, &b));
         let used: Vec<bool> = (0..19 * 14).map(|i| i % 19 < 11).collect();
         let measured =
-            |a: &[f32], b: &[f32]| (psnr_of(a, b, &used), ssim_of(a, b, (19, 14, 3), &used));
+            |a: &[f32], b: &[f32]| (psnr_of(a, b, &used), ssim_of(a, b, 19, 14, 3, &used));
         let before = measured(&a, &b);
         let hidden = b.chunks_exact_mut(3).zip(&used);
         hidden
@@ -208,7 +212,7 @@ mod tests {
         a[0] = 1.0;
         assert_ne!(measured(&a, &b).0, before.0);
         assert!(psnr_of(&a, &b, &[false; 19 * 14]).is_nan());
-        assert!(ssim_of(&a, &b, (19, 14, 3), &[false; 19 * 14]).is_nan());
+        assert!(ssim_of(&a, &b, 19, 14, 3, &[false; 19 * 14]).is_nan());
     }
 
     #[test]

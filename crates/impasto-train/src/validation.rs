@@ -51,7 +51,7 @@ fn compare(
         ),
         Some(mask) => (
             metrics::psnr_of(view, truth, mask),
-            metrics::ssim_of(view, truth, (width, height, 3), mask),
+            metrics::ssim_of(view, truth, width, height, 3, mask),
         ),
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use impasto::scene::inspect::{Inspection, Walk, inspect};
+use impasto::scene::inspect::{CapturePattern, Inspection, inspect};
 use impasto::scene::{LoadOptions, Scene, Split, load, overview};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -65,7 +65,7 @@ fn warnings(scene: &Scene, found: &Inspection) -> Vec<Warning> {
         });
     }
     let cameras = &found.cameras;
-    if cameras.walk == Walk::Around && GAP.contains(&cameras.largest_gap) {
+    if cameras.walk == CapturePattern::Around && GAP.contains(&cameras.largest_gap) {
         all.push(Warning {
             problem: format!(
                 "no photo was taken from {:.0}° of the directions around",

@@ -2,10 +2,10 @@
 
 use glam::{Vec2, Vec3};
 
-use super::materials::{Surface, on_face};
 use super::noise::{draw, fade, fbm3, hash, line, smoothstep, unit};
 use super::sky::rgb;
 use super::solids::{Contact, Solid, Wall};
+use super::surface::{Surface, on_face};
 
 const TRIM: Vec3 = rgb(0xF0E8D6);
 const STONE: Vec3 = rgb(0xC9BDA6);

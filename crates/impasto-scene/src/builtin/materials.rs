@@ -7,67 +7,8 @@ use glam::{Vec2, Vec3};
 use super::facade::{facade, tower};
 use super::noise::{fade, fbm3, hash, line, nearest_seed, noise3, smoothstep, unit};
 use super::sky::rgb;
-use super::solids::{Contact, Material, Shape, Solid};
-
-/// What light meets at a point.
-#[derive(Debug, Clone, Copy)]
-pub struct Surface {
-    /// Linear share of light thrown back.
-    pub albedo: Vec3,
-    /// Unit normal in the world, bumps included.
-    pub normal: Vec3,
-    /// Share of the sky that reaches the point, `[0, 1]`.
-    pub openness: f32,
-    /// Colour of highlights (Blinn–Phong).
-    pub shine: Vec3,
-    /// Sharpness of highlights: the Blinn–Phong exponent.
-    pub sharpness: f32,
-    /// Share of the mirrored sky that is added.
-    pub mirror: f32,
-    /// How far light wraps around edges, `[0, 1]`: foliage lets it through.
-    pub wrap: f32,
-}
-
-impl Surface {
-    /// A dull surface.
-    pub fn matte(albedo: Vec3, normal: Vec3) -> Self {
-        Self {
-            albedo,
-            normal,
-            openness: 1.0,
-            shine: Vec3::ZERO,
-            sharpness: 1.0,
-            mirror: 0.0,
-            wrap: 0.0,
-        }
-    }
-}
-
-/// Position on a box's face: metres along the face and up, and the face's half length.
-pub(super) fn on_face(contact: &Contact, half: Vec3) -> (Vec2, f32) {
-    let (p, n) = (contact.point, contact.normal.abs());
-    if n.x > n.y.max(n.z) {
-        (Vec2::new(p.y, p.z + half.z), half.y)
-    } else if n.y > n.z {
-        (Vec2::new(p.x, p.z + half.z), half.x)
-    } else {
-        (Vec2::new(p.x, p.y), half.x)
-    }
-}
-
-fn half_size(solid: &Solid) -> Vec3 {
-    match solid.shape {
-        Shape::Block { half } => half,
-        Shape::Ridge {
-            half_x,
-            half_y,
-            height,
-            ..
-        } => Vec3::new(half_x, half_y, height * 0.5),
-        Shape::Stump { bottom, height, .. } => Vec3::new(bottom, bottom, height * 0.5),
-        Shape::Ellipsoid { radii } => radii,
-    }
-}
+use super::solids::{Contact, Material, Solid};
+use super::surface::{Surface, on_face};
 
 /// The surface of `solid` at `contact`.
 pub fn surface(solid: &Solid, contact: &Contact, footprint: f32) -> Surface {
@@ -81,8 +22,8 @@ pub fn surface(solid: &Solid, contact: &Contact, footprint: f32) -> Surface {
                 * (1.0 + 0.2 * fbm3(p, 2.5, 3, footprint) + 0.2 * fbm3(p, 18.0, 3, footprint)),
         ),
         Material::Tablet => tablet(solid, contact, p, normal, footprint),
-        Material::Facade(wall) => facade(solid, wall, half_size(solid), contact, footprint),
-        Material::Tower => tower(solid, half_size(solid), contact, footprint),
+        Material::Facade(wall) => facade(solid, wall, solid.half_size(), contact, footprint),
+        Material::Tower => tower(solid, solid.half_size(), contact, footprint),
         Material::Roof => matte(roof(solid, contact, p, footprint)),
         Material::Bark => {
             let ridges = fbm3(
@@ -133,7 +74,7 @@ pub fn surface(solid: &Solid, contact: &Contact, footprint: f32) -> Surface {
 fn ashlar(solid: &Solid, contact: &Contact, p: Vec3, footprint: f32) -> Vec3 {
     const COURSE: f32 = 0.27;
     const BLOCK: f32 = 0.62;
-    let (at, _) = on_face(contact, half_size(solid));
+    let (at, _) = on_face(contact, solid.half_size());
     let row = (at.y / COURSE).floor();
     let x = at.x / BLOCK + 0.5 * row.rem_euclid(2.0);
     let side = contact.normal.round();
@@ -163,7 +104,7 @@ fn ashlar(solid: &Solid, contact: &Contact, p: Vec3, footprint: f32) -> Vec3 {
 
 /// Rows of letters: dark recesses between raised bright strokes.
 fn tablet(solid: &Solid, contact: &Contact, p: Vec3, normal: Vec3, footprint: f32) -> Surface {
-    let half = half_size(solid);
+    let half = solid.half_size();
     let (at, width) = on_face(contact, half);
     let row = at.y / 0.115;
     let glyph = hash(
@@ -218,7 +159,7 @@ fn roof(solid: &Solid, contact: &Contact, p: Vec3, footprint: f32) -> Vec3 {
 
 /// Upright end of a roof: plaster around a small round window.
 fn gable(solid: &Solid, p: Vec3) -> Vec3 {
-    let r = Vec2::new(p.y, p.z - half_size(solid).z * 0.7).length();
+    let r = Vec2::new(p.y, p.z - solid.half_size().z * 0.7).length();
     if r > 0.62 {
         solid.accent
     } else if r > 0.46 || p.y.abs() < 0.05 {
@@ -256,7 +197,7 @@ fn foliage(
 
 fn leaves(solid: &Solid, contact: &Contact, p: Vec3, normal: Vec3, footprint: f32) -> Surface {
     let mut surface = foliage(solid.tint, solid.accent, p, normal, 5.5, footprint);
-    let half = half_size(solid);
+    let half = solid.half_size();
     let height = contact.point.z / half.z * 0.5 + 0.5;
     surface.openness = if contact.inner {
         0.5

@@ -6,16 +6,17 @@ use glam::{Vec2, Vec3};
 
 use super::bvh::Bvh;
 use super::ground;
-use super::materials::{Surface, surface};
+use super::materials::surface;
 use super::noise::{fbm3, smoothstep};
 use super::place::{PLINTH_TURN, STEPS, solids};
 use super::sky::{SUN, SUN_LIGHT, ambient, backdrop, gradient, rgb};
 use super::solids::{Contact, Solid};
 use super::statue::Statue;
+use super::surface::Surface;
 
-/// The whole place, ready for rays.
+/// The whole scene, ready for rays.
 #[derive(Debug)]
-pub struct Place {
+pub struct World {
     solids: Bvh,
     statue: Statue,
 }
@@ -32,16 +33,16 @@ pub enum Thing<'a> {
     Solid(&'a Solid, Contact),
 }
 
-/// The place; built once, on first use.
-pub fn place() -> &'static Place {
-    static PLACE: OnceLock<Place> = OnceLock::new();
-    PLACE.get_or_init(|| Place {
+/// The scene; built once, on first use.
+pub fn world() -> &'static World {
+    static WORLD: OnceLock<World> = OnceLock::new();
+    WORLD.get_or_init(|| World {
         solids: Bvh::new(solids()),
         statue: Statue::new(),
     })
 }
 
-impl Place {
+impl World {
     /// What the unit ray meets and how far away; infinite for the backdrop.
     pub fn meet(&self, origin: Vec3, direction: Vec3) -> (Thing<'_>, f32) {
         let mut nearest = (Thing::Backdrop, f32::INFINITY);
@@ -60,7 +61,7 @@ impl Place {
 
     /// Linear colour along the unit ray and the distance to what was met. `pixel` is the angle
     /// (radians) that a pixel spans.
-    pub fn look(&self, origin: Vec3, direction: Vec3, pixel: f32) -> (Vec3, f32) {
+    pub fn radiance(&self, origin: Vec3, direction: Vec3, pixel: f32) -> (Vec3, f32) {
         let (thing, t) = self.meet(origin, direction);
         let point = origin + direction * t;
         // The geometric mean of a pixel's extent along and across the slope.
