@@ -13,24 +13,22 @@ use crate::scene::Split;
 #[derive(Debug, PartialEq)]
 pub(crate) enum Located {
     /// Folder of `cameras.*`, `images.*`, `points3D.*`, and whether they are binary.
-    Colmap { model: PathBuf, binary: bool },
+    Colmap(PathBuf, bool),
     /// The JSON files, each with the split that its name stands for.
-    Transforms {
-        files: Vec<(PathBuf, Option<Split>)>,
-    },
+    Transforms(Vec<(PathBuf, Option<Split>)>),
     /// Folder of `train/` and the others.
-    NerfPlusPlus { root: PathBuf },
+    NerfPlusPlus(PathBuf),
     /// Folder of `poses_bounds.npy`.
-    Llff { root: PathBuf },
+    Llff(PathBuf),
 }
 
 impl Located {
     pub(crate) fn format(&self) -> Format {
         match self {
-            Self::Colmap { .. } => Format::Colmap,
-            Self::Transforms { .. } => Format::Transforms,
-            Self::NerfPlusPlus { .. } => Format::NerfPlusPlus,
-            Self::Llff { .. } => Format::Llff,
+            Self::Colmap(..) => Format::Colmap,
+            Self::Transforms(_) => Format::Transforms,
+            Self::NerfPlusPlus(_) => Format::NerfPlusPlus,
+            Self::Llff(_) => Format::Llff,
         }
     }
 }
@@ -86,14 +84,11 @@ fn colmap(path: &Path) -> Option<Located> {
             .all(|name| file(name).is_file())
     };
     let (model, binary) = kinds.into_iter().find(is_whole)?;
-    let model = model.clone();
-    Some(Located::Colmap { model, binary })
+    Some(Located::Colmap(model.clone(), binary))
 }
 
 fn transforms(path: &Path) -> Option<Located> {
-    let alone = |file: PathBuf| Located::Transforms {
-        files: vec![(file, None)],
-    };
+    let alone = |file: PathBuf| Located::Transforms(vec![(file, None)]);
     if path.is_file() {
         let ending = path.extension()?;
         return ending
@@ -109,22 +104,19 @@ fn transforms(path: &Path) -> Option<Located> {
     if let Some(test) = file("transforms_test.json").or_else(|| file("transforms_val.json")) {
         files.push((test, Some(Split::Test)));
     }
-    Some(Located::Transforms { files })
+    Some(Located::Transforms(files))
 }
 
 fn nerf_plus_plus(path: &Path) -> Option<Located> {
     ["pose", "intrinsics", "rgb"]
         .iter()
         .all(|part| path.join("train").join(part).is_dir())
-        .then(|| Located::NerfPlusPlus {
-            root: path.to_owned(),
-        })
+        .then(|| Located::NerfPlusPlus(path.to_owned()))
 }
 
 fn llff(path: &Path) -> Option<Located> {
-    path.join(POSES).is_file().then(|| Located::Llff {
-        root: path.to_owned(),
-    })
+    let whole = path.join(POSES).is_file();
+    whole.then(|| Located::Llff(path.to_owned()))
 }
 
 /// Describes a path in which no capture was found.

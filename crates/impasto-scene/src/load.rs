@@ -16,7 +16,7 @@ use crate::normalise::Normalisation;
 use crate::photo::{downscaled, same_shape};
 use crate::picture_file::{Decoded, on_white};
 use crate::readers;
-use crate::readers::capture::{Capture, RawFrame, RawPoint};
+use crate::readers::capture::{RawFrame, RawPoint};
 use crate::scene::{Observation, Photo, Scene, SparsePoint, Split};
 use crate::statistics::median;
 
@@ -81,38 +81,30 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
             path: path.to_owned(),
             count,
         })?;
-    let stated: Vec<(u32, u32)> = capture
-        .frames
-        .iter()
-        .map(|f| f.camera.intrinsics.size())
-        .collect();
+    let stated = capture.frames.iter().map(|f| f.camera.intrinsics.size());
+    let stated: Vec<(u32, u32)> = stated.collect();
     let mut warnings: Vec<String> = far_away(&capture.frames, &centres).into_iter().collect();
     if options.masks != MaskUse::Off {
         let root = readers::root(&located);
         warnings.extend(masks::assign(&mut capture.frames, &root)?);
     }
-    let Capture {
-        frames,
-        points,
-        synthetic,
-    } = capture;
-    let decoded: Vec<Result<Photo, SceneError>> = frames
+    let decoded: Vec<Result<Photo, SceneError>> = capture
+        .frames
         .into_par_iter()
         .zip(splits)
         .map(|(frame, split)| photo(frame, split, &normalisation, options))
         .collect();
     let photos = decoded.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let points = points
-        .into_iter()
-        .map(|point| in_scene(&point, &photos, &stated, &normalisation))
-        .collect();
+    let points = capture.points.iter();
+    let points = points.map(|point| in_scene(point, &photos, &stated, &normalisation));
+    let points = points.collect();
     Ok(Scene {
         name: folder_name(path),
         format: located.format(),
         photos,
         points,
         normalisation,
-        synthetic,
+        synthetic: capture.synthetic,
         warnings,
     })
 }

@@ -64,10 +64,8 @@ impl PhotoMask {
                 found.0, found.1, size.0, size.1
             )));
         }
-        let rgba = decoded
-            .pixels
-            .has_alpha()
-            .then(|| decoded.pixels.to_rgba8());
+        let has_alpha = decoded.pixels.has_alpha();
+        let rgba = has_alpha.then(|| decoded.pixels.to_rgba8());
         let values = match rgba {
             Some(rgba) if rgba.pixels().any(|p| p[3] < 255) => {
                 GrayImage::from_fn(found.0, found.1, |x, y| Luma([rgba.get_pixel(x, y)[3]]))

@@ -57,12 +57,10 @@ pub fn ssim_of(
     // Of one value, so that nothing depends on what is hidden there.
     let filled = |picture: &[f32]| -> Vec<f32> {
         let pixels = picture.chunks_exact(channels.max(1)).zip(used);
-        let filled = pixels.flat_map(|(pixel, used)| {
-            pixel
-                .iter()
-                .map(move |value| if *used { *value } else { HIDDEN })
-        });
-        filled.collect()
+        let shown = |value: &f32, used: bool| if used { *value } else { HIDDEN };
+        pixels
+            .flat_map(|(pixel, used)| pixel.iter().map(move |value| shown(value, *used)))
+            .collect()
     };
     let (a, b) = (filled(a), filled(b));
     let inner = |side: usize| WINDOW / 2..side - WINDOW / 2;

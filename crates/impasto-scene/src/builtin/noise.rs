@@ -117,18 +117,11 @@ pub fn nearest_seed(p: Vec3) -> (f32, u32) {
     let base = p.floor();
     let mut best = (f32::INFINITY, 0);
     for index in 0..27 {
-        let cell = base
-            + Vec3::new(
-                (index % 3 - 1) as f32,
-                (index / 3 % 3 - 1) as f32,
-                (index / 9 - 1) as f32,
-            );
+        let beside = [index % 3, index / 3 % 3, index / 9].map(|i| (i - 1) as f32);
+        let cell = base + Vec3::from(beside);
         let h = hash(cell.x as i32, cell.y as i32, cell.z as i32);
-        let inside = Vec3::new(
-            unit(h),
-            unit(h.rotate_left(12)),
-            unit(h.wrapping_mul(0x9E37_79B1)),
-        );
+        let inside = [h, h.rotate_left(12), h.wrapping_mul(0x9E37_79B1)].map(unit);
+        let inside = Vec3::from(inside);
         let distance = (cell + inside).distance_squared(p);
         if distance < best.0 {
             best = (distance, h);

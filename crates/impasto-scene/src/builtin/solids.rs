@@ -112,6 +112,11 @@ pub struct Contact {
 const INNER_SHELL: f32 = 0.84;
 
 impl Solid {
+    /// The main colour, or else the second one.
+    pub fn colour(&self, main: bool) -> Vec3 {
+        if main { self.tint } else { self.accent }
+    }
+
     /// A world vector in the solid's frame.
     pub fn local(&self, v: Vec3) -> Vec3 {
         let (c, s) = self.turn;

@@ -119,21 +119,12 @@ impl World {
         let openness = self.statue.openness(point, normal);
         let cloudy = fbm3(point, 2.2, 5, footprint);
         let streaks = fbm3(point * Vec3::new(3.0, 3.0, 0.5), 2.4, 3, footprint);
-        let patina = smoothstep(
-            -0.15,
-            0.5,
-            0.75 * cloudy + 0.55 * streaks + 0.3 * normal.z - 0.05,
-        );
-        let metal = rgb(0x6E4628).lerp(
-            rgb(0xA8743C),
-            smoothstep(-0.3, 0.5, fbm3(point, 6.0, 3, footprint)),
-        );
+        let wet = 0.75 * cloudy + 0.55 * streaks + 0.3 * normal.z - 0.05;
+        let patina = smoothstep(-0.15, 0.5, wet);
+        let worn = smoothstep(-0.3, 0.5, fbm3(point, 6.0, 3, footprint));
+        let metal = rgb(0x6E4628).lerp(rgb(0xA8743C), worn);
         let verdigris = rgb(0x4F8F7C).lerp(rgb(0x86B8A0), 0.5 + 0.5 * streaks);
-        let grain = Vec3::new(
-            fbm3(point + 3.0, 14.0, 2, footprint),
-            fbm3(point + 13.0, 14.0, 2, footprint),
-            fbm3(point + 23.0, 14.0, 2, footprint),
-        );
+        let grain = [3.0, 13.0, 23.0].map(|shift| fbm3(point + shift, 14.0, 2, footprint));
         let gilt = self.statue.gilding(point);
         let dull = patina * (1.0 - gilt);
         Surface {
@@ -143,7 +134,7 @@ impl World {
             mirror: 0.16 - 0.11 * dull,
             ..Surface::matte(
                 metal.lerp(verdigris, patina).lerp(rgb(0xDDA83E), gilt),
-                (normal + 0.22 * grain).normalize(),
+                (normal + 0.22 * Vec3::from(grain)).normalize(),
             )
         }
     }

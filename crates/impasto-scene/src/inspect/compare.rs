@@ -1,7 +1,5 @@
 //! Brightness and sharpness of photos beside their neighbours, which show the same things.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
 use super::neighbours::{Neighbour, Seen};
@@ -35,23 +33,15 @@ fn stops(ratio: f64) -> f64 {
 }
 
 /// Brightness and detail of all photos, as wholes and at their points.
-pub(super) fn qualities(photos: &[Photo], seen: &[Seen]) -> Vec<(PhotoQuality, PointQualities)> {
-    let quality = |(photo, seen): (&Photo, &Seen)| {
-        let luma = Luma::of(&photo.pixels);
-        let around = seen
-            .iter()
-            .filter_map(|(point, pixel)| Some((*point, luma.around(*pixel)?)));
-        (luma.whole(), around.collect())
-    };
-    photos.par_iter().zip(seen).map(quality).collect()
+pub(super) fn qualities(photos: &[Photo], seen: &[Seen]) -> Vec<PhotoQuality> {
+    let pairs = photos.par_iter().zip(seen);
+    let qualities = pairs.map(|(photo, seen)| Luma::of(&photo.pixels).quality(seen));
+    qualities.collect()
 }
-
-/// Brightness and detail around the sparse points that a photo sees.
-pub(super) type PointQualities = HashMap<usize, RegionQuality>;
 
 /// Compares every photo with its neighbours; `None` where there are too few.
 pub(super) fn compare(
-    qualities: &[(PhotoQuality, PointQualities)],
+    qualities: &[PhotoQuality],
     neighbours: &[Vec<Neighbour>],
 ) -> Vec<Option<Comparison>> {
     let compared = (0..qualities.len()).into_par_iter().map(|index| {
@@ -66,15 +56,11 @@ pub(super) fn compare(
     compared.collect()
 }
 
-fn at_points(
-    qualities: &[(PhotoQuality, PointQualities)],
-    index: usize,
-    near: &[usize],
-) -> Option<Comparison> {
-    let own = &qualities[index].1;
+fn at_points(qualities: &[PhotoQuality], index: usize, near: &[usize]) -> Option<Comparison> {
+    let own = &qualities[index].at_points;
     let [mut details, mut brighter] = [Vec::new(), Vec::new()];
     for &photo in near {
-        let other = &qualities[photo].1;
+        let other = &qualities[photo].at_points;
         let shared: Vec<(&RegionQuality, &RegionQuality)> = own
             .iter()
             .filter_map(|(point, quality)| Some((quality, other.get(point)?)))
@@ -100,17 +86,13 @@ fn at_points(
     })
 }
 
-fn as_wholes(
-    qualities: &[(PhotoQuality, PointQualities)],
-    index: usize,
-    near: &[usize],
-) -> Option<Comparison> {
+fn as_wholes(qualities: &[PhotoQuality], index: usize, near: &[usize]) -> Option<Comparison> {
     if near.len() < FEWEST {
         return None;
     }
-    let own = &qualities[index].0;
+    let own = &qualities[index];
     let against = |of: fn(&PhotoQuality) -> f64| {
-        let others = near.iter().map(|photo| of(&qualities[*photo].0));
+        let others = near.iter().map(|photo| of(&qualities[*photo]));
         Some(of(own) - median(others)?)
     };
     Some(Comparison {

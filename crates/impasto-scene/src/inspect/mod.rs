@@ -46,7 +46,7 @@ pub fn inspect(scene: &Scene) -> Inspection {
     let compared = compare::compare(&qualities, &near);
     let facts = |i: usize| {
         let seen = has_points.then(|| &seen[i]);
-        PhotoFacts::of(scene, i, &near[i], seen, &qualities[i].0, compared[i])
+        PhotoFacts::of(scene, i, &near[i], seen, &qualities[i], compared[i])
     };
     let facts: Vec<PhotoFacts> = (0..cameras.len()).map(facts).collect();
     let layout = layout::layout(scene, &cameras, &geometry);

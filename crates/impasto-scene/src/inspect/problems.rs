@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use super::compare::{Comparison, PointQualities};
+use super::compare::Comparison;
 use super::facts::PhotoFacts;
 use super::layout::{CameraLayout, CapturePattern, off_axis};
 use super::quality::PhotoQuality;
@@ -91,7 +91,7 @@ pub(super) struct Measurements<'a> {
     pub(super) layout: &'a CameraLayout,
     pub(super) facts: &'a [PhotoFacts],
     pub(super) compared: &'a [Option<Comparison>],
-    pub(super) qualities: &'a [(PhotoQuality, PointQualities)],
+    pub(super) qualities: &'a [PhotoQuality],
 }
 
 /// All problems, the worst first.
@@ -105,7 +105,7 @@ pub(super) fn find(measured: &Measurements<'_>) -> Vec<Problem> {
         let camera = &measured.cameras[index];
         let size = measured.scene.photos[index].pixels.dimensions();
         let compared = measured.compared[index];
-        let found = match blank(&measured.qualities[index].0) {
+        let found = match blank(&measured.qualities[index]) {
             // A blank photo is unlike its neighbours in every way: once is enough.
             Some(blank) => vec![blank],
             None => [

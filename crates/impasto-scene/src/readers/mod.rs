@@ -7,7 +7,7 @@ pub(crate) mod names;
 pub(crate) mod nerf_plus_plus;
 pub(crate) mod transforms;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::detect::Located;
 use crate::error::SceneError;
@@ -15,22 +15,21 @@ use capture::Capture;
 
 pub(crate) fn read(located: &Located) -> Result<Capture, SceneError> {
     match located {
-        Located::Colmap { model, binary } => colmap::read(model, *binary),
-        Located::Transforms { files } => transforms::read(files),
-        Located::NerfPlusPlus { root } => nerf_plus_plus::read(root),
-        Located::Llff { root } => llff::read(root),
+        Located::Colmap(model, binary) => colmap::read(model, *binary),
+        Located::Transforms(files) => transforms::read(files),
+        Located::NerfPlusPlus(root) => nerf_plus_plus::read(root),
+        Located::Llff(root) => llff::read(root),
     }
 }
 
 /// The folder that all photos of a capture are in, at whatever depth.
 pub(crate) fn root(located: &Located) -> PathBuf {
     let root = match located {
-        Located::Colmap { model, .. } => colmap::root(model),
-        Located::Transforms { files } => files
+        Located::Colmap(model, _) => colmap::root(model),
+        Located::Transforms(files) => files
             .first()
-            .and_then(|(file, _)| file.parent())
-            .map(Path::to_owned),
-        Located::NerfPlusPlus { root } | Located::Llff { root } => Some(root.clone()),
+            .and_then(|(file, _)| Some(file.parent()?.into())),
+        Located::NerfPlusPlus(root) | Located::Llff(root) => Some(root.clone()),
     };
     root.unwrap_or_default()
 }
