@@ -219,11 +219,9 @@ impl Preparation<'_> {
         let mut from = model.folder.clone();
         let of_camera = |group: &CameraGroup| {
             let registered = |name: &&String| model.photos.binary_search(name).is_ok();
-            match group.photos.iter().filter(registered).count() {
-                // With a camera each, one photo.
-                0 => None,
-                count => Some(if group.shared { count } else { 1 }),
-            }
+            let count = group.photos.iter().filter(registered).count();
+            // With a camera each, one photo.
+            (count > 0).then_some(if group.shared { count } else { 1 })
         };
         if groups.iter().filter_map(of_camera).min() >= Some(TELLING) {
             progress(self.events, Phase::Refining, 0, 1);
@@ -252,9 +250,8 @@ impl Preparation<'_> {
         let scene = load(&ready, &LoadOptions::default());
         let scene = scene.map_err(|source| self.log.unusable(source))?;
         let picture = ready.join("capture.png");
-        overview::picture(&scene)
-            .save(&picture)
-            .map_err(PrepareError::encode(&picture))?;
+        let saved = overview::picture(&scene).save(&picture);
+        saved.map_err(PrepareError::encode(&picture))?;
         progress(self.events, Phase::Checking, 1, 1);
         Ok(scene)
     }
@@ -265,37 +262,32 @@ impl Preparation<'_> {
 fn announce(plan: MatchingPlan, photos: usize, seconds: f64, free: bool) -> String {
     let pairs = plan.pairs(photos);
     let minutes = seconds / 60.0;
-    let mut text = match plan {
-        MatchingPlan::Exhaustive => format!("comparing all {pairs} pairs of {photos} photos"),
-        MatchingPlan::Sequential => {
-            format!("comparing {photos} photos with their neighbours by name")
-        }
+    let duration = match minutes {
+        m if m < 1.0 => "less than a minute".to_owned(),
+        m if m < 90.0 => format!("about {m:.0} min"),
+        m => format!("about {:.1} h", m / 60.0),
     };
-    text += &match minutes {
-        m if m < 1.0 => ", less than a minute".to_owned(),
-        m if m < 90.0 => format!(", about {m:.0} min"),
-        m => format!(", about {:.1} h", m / 60.0),
-    };
-    text + match plan {
-        MatchingPlan::Sequential => {
-            "; that a walk comes back to its start is not looked for: if the picture of \
-             the cameras is torn there, use --matching exhaustive"
-        }
-        MatchingPlan::Exhaustive if minutes > 30.0 && free => {
-            "; photos in the order in which they were taken can be compared much \
-             faster: --matching sequential"
-        }
-        MatchingPlan::Exhaustive => "",
+    if plan == MatchingPlan::Sequential {
+        return format!(
+            "comparing {photos} photos with their neighbours by name, {duration}; that a walk comes \
+             back to its start is not looked for: if the picture of the cameras is torn there, use \
+             --matching exhaustive"
+        );
     }
+    let advice = if minutes > 30.0 && free {
+        "; photos in the order in which they were taken can be compared much faster: --matching \
+         sequential"
+    } else {
+        ""
+    };
+    format!("comparing all {pairs} pairs of {photos} photos, {duration}{advice}")
 }
 
 /// Says which photos have no pose, and why that may be.
 fn warn_of_lost(models: &[SparseModel], names: &[String], events: Sink<'_>) {
     let kept = &models[0].photos;
-    let lost: Vec<&String> = names
-        .iter()
-        .filter(|name| kept.binary_search(name).is_err())
-        .collect();
+    let mut lost: Vec<&String> = names.iter().collect();
+    lost.retain(|name| kept.binary_search(name).is_err());
     if lost.is_empty() {
         return;
     }

@@ -1,7 +1,7 @@
 //! What was made, told in the end.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use impasto_scene::{Intrinsics, Scene};
@@ -115,19 +115,12 @@ pub(crate) fn summarise(
     models: &[SparseModel],
 ) -> PrepareSummary {
     let kept = &models[0].photos;
-    let missing = |name: &&str| kept.binary_search_by(|k| k.as_str().cmp(name)).is_err();
-    let mut not_registered: Vec<&str> = taken.iter().map(|p| p.name.as_str()).collect();
-    not_registered.retain(missing);
-    not_registered.sort_unstable();
-    let mut elsewhere: Vec<&str> = models[1..]
-        .iter()
-        .flat_map(|model| model.photos.iter().map(String::as_str))
-        .filter(missing)
-        .collect();
-    elsewhere.sort_unstable();
-    elsewhere.dedup();
+    let missing = |name: &&String| kept.binary_search(name).is_err();
+    let not_registered = taken.iter().map(|p| &p.name).filter(missing);
+    let not_registered: BTreeSet<&String> = not_registered.collect();
+    let others = models[1..].iter().flat_map(|model| &model.photos);
+    let in_others: BTreeSet<&String> = others.filter(missing).collect();
     let (observations, distance) = reprojection(scene);
-    let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
     PrepareSummary {
         photos: PhotoCounts {
             given: taken.len(),
@@ -135,9 +128,9 @@ pub(crate) fn summarise(
             registered: kept.len(),
             turned: taken.iter().filter(|photo| photo.turned).count(),
         },
-        not_registered: owned(not_registered),
+        not_registered: not_registered.into_iter().cloned().collect(),
         models: models.iter().map(|model| model.photos.len()).collect(),
-        in_other_models: owned(elsewhere),
+        in_other_models: in_others.into_iter().cloned().collect(),
         reprojection_error: distance / observations.max(1) as f64,
         points: scene.points.len(),
         track_length: observations as f64 / scene.points.len().max(1) as f64,
@@ -174,8 +167,8 @@ fn lenses(scene: &Scene, groups: &[CameraGroup]) -> Vec<LensGroup> {
             }
         }
         for ((w, h), all) in sizes {
-            let mean =
-                |of: fn(&Intrinsics) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+            let count = all.len() as f64;
+            let mean = |of: fn(&Intrinsics) -> f64| all.iter().map(of).sum::<f64>() / count;
             let fl_x = mean(|k| k.fl_x);
             lenses.push(LensGroup {
                 model: group.model(),

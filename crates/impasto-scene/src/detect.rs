@@ -72,28 +72,24 @@ pub(crate) fn locate(path: &Path, format: Option<Format>) -> Result<Located, Sce
 }
 
 fn colmap(path: &Path) -> Option<Located> {
-    let models = ["sparse/0", "sparse", ""].map(|below| path.join(below));
-    let kinds = models
-        .iter()
-        .flat_map(|model| [(model, true), (model, false)]);
-    let is_whole = |(model, binary): &(&PathBuf, bool)| {
-        let extension = if *binary { "bin" } else { "txt" };
-        let file = |name| model.join(format!("{name}.{extension}"));
-        ["cameras", "images"]
-            .into_iter()
-            .all(|name| file(name).is_file())
+    let has = |model: &Path, ending: &str| {
+        let mut files = ["cameras", "images"].into_iter();
+        files.all(|name| model.join(format!("{name}.{ending}")).is_file())
     };
-    let (model, binary) = kinds.into_iter().find(is_whole)?;
-    Some(Located::Colmap(model.clone(), binary))
+    let mut models = ["sparse/0", "sparse", ""]
+        .map(|below| path.join(below))
+        .into_iter();
+    models.find_map(|model| {
+        let binary = has(&model, "bin");
+        (binary || has(&model, "txt")).then_some(Located::Colmap(model, binary))
+    })
 }
 
 fn transforms(path: &Path) -> Option<Located> {
     let alone = |file: PathBuf| Located::Transforms(vec![(file, None)]);
     if path.is_file() {
-        let ending = path.extension()?;
-        return ending
-            .eq_ignore_ascii_case("json")
-            .then(|| alone(path.to_owned()));
+        let is_json = path.extension()?.eq_ignore_ascii_case("json");
+        return is_json.then(|| alone(path.to_owned()));
     }
     let file = |name: &str| Some(path.join(name)).filter(|p| p.is_file());
     if let Some(whole) = file("transforms.json") {
@@ -108,10 +104,9 @@ fn transforms(path: &Path) -> Option<Located> {
 }
 
 fn nerf_plus_plus(path: &Path) -> Option<Located> {
-    ["pose", "intrinsics", "rgb"]
-        .iter()
-        .all(|part| path.join("train").join(part).is_dir())
-        .then(|| Located::NerfPlusPlus(path.to_owned()))
+    let (train, mut parts) = (path.join("train"), ["pose", "intrinsics", "rgb"].iter());
+    let whole = parts.all(|part| train.join(part).is_dir());
+    whole.then(|| Located::NerfPlusPlus(path.to_owned()))
 }
 
 fn llff(path: &Path) -> Option<Located> {

@@ -128,11 +128,8 @@ fn similarities(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> 
         filter(&plane, width, weights)
     };
     let (mean_a, mean_b) = (smooth(|a, _| a), smooth(|_, b| b));
-    let (aa, bb, ab) = (
-        smooth(|a, _| a * a),
-        smooth(|_, b| b * b),
-        smooth(|a, b| a * b),
-    );
+    let (aa, bb) = (smooth(|a, _| a * a), smooth(|_, b| b * b));
+    let ab = smooth(|a, b| a * b);
     (0..mean_a.len())
         .map(|i| {
             let (ma, mb) = (mean_a[i], mean_b[i]);
@@ -146,13 +143,9 @@ fn similarities(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> 
 /// Separable convolution; the result has `WINDOW − 1` fewer rows and columns.
 fn filter(plane: &[f64], width: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
     let out_width = width - WINDOW + 1;
-    let narrow: Vec<f64> = plane
-        .chunks_exact(width)
-        .flat_map(|row| {
-            row.windows(WINDOW)
-                .map(|w| w.iter().zip(weights).map(|(v, k)| v * k).sum())
-        })
-        .collect();
+    let mean = |window: &[f64]| window.iter().zip(weights).map(|(v, k)| v * k).sum();
+    let rows = plane.chunks_exact(width);
+    let narrow: Vec<f64> = rows.flat_map(|row| row.windows(WINDOW).map(mean)).collect();
     let out_height = plane.len() / width - WINDOW + 1;
     let mut out = vec![0.0; out_width * out_height];
     for (y, row) in out.chunks_exact_mut(out_width).enumerate() {

@@ -43,11 +43,8 @@ pub fn picture(scene: &Scene) -> RgbImage {
     let [across, away, up] = geometry.axes(&cameras);
     let bounds = Bounds::of(scene, &geometry, [across, away, up]);
     let reach = wedge_length(&cameras, bounds.half);
-    for (index, [right, above, towards]) in [[across, away, up], [across, up, -away]]
-        .into_iter()
-        .enumerate()
+    for (left, [right, above, towards]) in [(0.0, [across, away, up]), (PANEL, [across, up, -away])]
     {
-        let left = index as f64 * PANEL;
         let panel = Panel {
             right,
             above,
@@ -91,8 +88,11 @@ impl Bounds {
         let mut half: f64 = 1e-6;
         for axis in axes {
             let cameras = scene.photos.iter().map(|p| p.camera.centre().dot(axis));
-            let (mut least, mut most) =
-                span(cameras.chain([geometry.target.dot(axis).clamp(-FARTHEST, FARTHEST)]));
+            let target = geometry.target.dot(axis).clamp(-FARTHEST, FARTHEST);
+            let (mut least, mut most) = (target, target);
+            for camera in cameras {
+                (least, most) = (least.min(camera), most.max(camera));
+            }
             let mut points: Vec<f64> = scene.points.iter().map(|p| p.position.dot(axis)).collect();
             points.sort_by(f64::total_cmp);
             let cut = (points.len() as f64 * OUTLIERS) as usize;
@@ -105,12 +105,6 @@ impl Bounds {
         }
         Self { centre, half }
     }
-}
-
-fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), v| {
-        (least.min(v), most.max(v))
-    })
 }
 
 /// How long wedges are: about as far as the next camera, and always to be seen.

@@ -87,14 +87,12 @@ pub(crate) fn read(files: &[(PathBuf, Option<Split>)]) -> Result<Capture, SceneE
         synthetic |= file.synthetic;
         let named = NamedSplits::of(&file, path)?;
         for entry in &file.frames {
-            let split = match &named {
-                None => *split,
-                Some(named) => match named.split(&entry.file_path) {
-                    None => continue,
-                    split => split,
-                },
-            };
-            frames.push(frame(entry, &file.lens, split, path)?);
+            let listed = named.as_ref().map(|named| named.split(&entry.file_path));
+            // A frame that is in neither list is left out.
+            if listed != Some(None) {
+                let split = listed.unwrap_or(*split);
+                frames.push(frame(entry, &file.lens, split, path)?);
+            }
         }
     }
     Ok(Capture {
@@ -107,10 +105,8 @@ pub(crate) fn read(files: &[(PathBuf, Option<Split>)]) -> Result<Capture, SceneE
 /// serde's message without the position that it repeats at the end.
 fn reason(error: &serde_json::Error) -> String {
     let message = error.to_string();
-    match message.rfind(" at line ") {
-        Some(end) => message[..end].to_owned(),
-        None => message,
-    }
+    let end = message.rfind(" at line ").unwrap_or(message.len());
+    message[..end].to_owned()
 }
 
 /// nerfstudio's lists of the photos of each split.
@@ -185,23 +181,18 @@ fn find_photo(file_path: &str, path: &Path) -> Result<(String, PathBuf), SceneEr
     let folder = path.parent().unwrap_or(Path::new(""));
     names::check(file_path, folder, 0, path)?;
     let name = plain(file_path);
-    let endings = PICTURE_ENDINGS.map(str::to_ascii_uppercase);
-    let endings = PICTURE_ENDINGS
-        .iter()
-        .copied()
-        .chain(endings.iter().map(String::as_str));
+    let upper = PICTURE_ENDINGS.map(str::to_ascii_uppercase);
+    let endings = PICTURE_ENDINGS.map(str::to_owned).into_iter().chain(upper);
     // The ending may be left out, and programs on Windows write their own separator.
-    let endings = endings.map(|ending| format!("{name}.{ending}"));
-    [name.to_owned(), name.replace('\\', "/")]
+    let mut names = [name.to_owned(), name.replace('\\', "/")]
         .into_iter()
-        .chain(endings)
-        .map(|name| (folder.join(&name), name))
-        .find(|(photo, _)| photo.is_file())
-        .map(|(photo, name)| (name, photo))
-        .ok_or_else(|| SceneError::PhotoMissing {
-            frame: file_path.to_owned(),
-            path: folder.join(name),
-        })
+        .chain(endings.map(|ending| format!("{name}.{ending}")));
+    let found = names.find(|name| folder.join(name).is_file());
+    let photo = found.map(|name| (name.clone(), folder.join(name)));
+    photo.ok_or_else(|| SceneError::PhotoMissing {
+        frame: file_path.to_owned(),
+        path: folder.join(name),
+    })
 }
 
 /// The path of a frame's mask.
@@ -212,11 +203,8 @@ fn find_mask(mask_path: &str, frame: &str, path: &Path) -> Result<PathBuf, Scene
     if mask.exists() {
         return Ok(mask);
     }
-    let problem = format!(
-        "there is no mask {}; add it or remove \"mask_path\"",
-        mask.display()
-    );
-    let place = format!("frame {frame}");
+    let (mask, place) = (mask.display(), format!("frame {frame}"));
+    let problem = format!("there is no mask {mask}; add it or remove \"mask_path\"");
     Err(SceneError::malformed(path, place, problem))
 }
 
@@ -270,16 +258,13 @@ fn intrinsics(own: &LensEntry, global: &LensEntry, photo: &Path) -> Result<Intri
     };
     let from_angle = |angle: f64, side: f64| 0.5 * side / (0.5 * angle).tan();
     let focal = |lens: &LensEntry| {
-        let x = lens
-            .fl_x
-            .or(lens.camera_angle_x.map(|a| from_angle(a, width)));
-        let y = lens.fl_y.or(match lens.fl_x {
-            // A lone fl_x means square pixels, whatever rounded angle stands beside it.
-            Some(_) => None,
-            None => lens.camera_angle_y.map(|a| from_angle(a, height)),
-        });
-        x.or(y)
-            .map(|either| (x.unwrap_or(either), y.unwrap_or(either)))
+        let angle_x = lens.camera_angle_x.map(|a| from_angle(a, width));
+        let angle_y = lens.camera_angle_y.map(|a| from_angle(a, height));
+        let x = lens.fl_x.or(angle_x);
+        // A lone fl_x means square pixels, whatever rounded angle stands beside it.
+        let y = lens.fl_y.or(angle_y.filter(|_| lens.fl_x.is_none()));
+        let either = x.or(y)?;
+        Some((x.unwrap_or(either), y.unwrap_or(either)))
     };
     // Zero is refused by the check of the finished lens.
     let (fl_x, fl_y) = focal(own).or_else(|| focal(global)).unwrap_or((0.0, 0.0));
