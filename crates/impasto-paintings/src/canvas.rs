@@ -92,6 +92,11 @@ impl Canvas {
         });
     }
 
+    /// Fills a polygon with one colour.
+    pub(crate) fn fill(&mut self, points: &[Vec2], c: Vec3, opacity: f32) {
+        self.polygon(points, |_| (c, opacity));
+    }
+
     /// A disc with a soft edge one pixel wide.
     pub(crate) fn disc(&mut self, centre: Vec2, radius: f32, c: Vec3, opacity: f32) {
         let reach = Vec2::splat(radius + 1.0);

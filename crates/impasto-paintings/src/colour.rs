@@ -2,7 +2,7 @@
 
 use crate::dice::Dice;
 use crate::maths::{direction, mix};
-use crate::palettes::Palette;
+use crate::palettes::NamedPalette;
 use glam::Vec3;
 
 /// Perceived lightness of a colour, `[0, 1]`.
@@ -43,7 +43,7 @@ pub(crate) struct Pigments {
 
 impl Pigments {
     /// Mixes `palette` for one picture.
-    pub(crate) fn mixed(palette: &Palette, dice: &Dice) -> Self {
+    pub(crate) fn mixed(palette: &NamedPalette, dice: &Dice) -> Self {
         let hue = dice.bell() * 0.035;
         let saturation = dice.range(0.55, 1.15);
         let contrast = dice.range(0.8, 1.2);

@@ -20,7 +20,7 @@ mod recipe;
 mod sketch;
 mod technique;
 
-pub use palettes::{PALETTES, Palette};
+pub use palettes::{NamedPalette, PALETTES};
 pub use recipe::{Family, Recipe, label};
 
 use canvas::Canvas;
@@ -28,7 +28,7 @@ use colour::Pigments;
 use glam::Vec3;
 use image::RgbImage;
 use sketch::Sketch;
-use technique::Studio;
+use technique::PaintingStudio;
 
 /// Largest width or height that [`paint`] paints at; larger requests are clamped to it.
 pub const LARGEST_SIDE: u32 = 8192;
@@ -47,7 +47,7 @@ pub fn paint(recipe: &Recipe, width: u32, height: u32) -> RgbImage {
     let sketch = Sketch::draw(&composition, w, h);
     // Marks scale with the picture, but never below what a pixel can show.
     let unit = (((w * h) as f32).sqrt() / 256.0 * recipe.scale).max(0.4);
-    let mut studio = Studio {
+    let mut studio = PaintingStudio {
         canvas: Canvas::new(w, h, Vec3::ONE),
         sketch,
         pigments,

@@ -2,20 +2,20 @@
 
 /// A named set of colours.
 #[derive(Debug, Clone, Copy)]
-pub struct Palette {
+pub struct NamedPalette {
     /// The tradition that the colours recall.
     pub name: &'static str,
     /// Five to seven sRGB colours.
     pub colours: &'static [[u8; 3]],
 }
 
-const fn palette(name: &'static str, colours: &'static [[u8; 3]]) -> Palette {
-    Palette { name, colours }
+const fn palette(name: &'static str, colours: &'static [[u8; 3]]) -> NamedPalette {
+    NamedPalette { name, colours }
 }
 
 /// All palettes; `Recipe::palette` is an index into this list.
 #[rustfmt::skip]
-pub const PALETTES: &[Palette] = &[
+pub const PALETTES: &[NamedPalette] = &[
     palette("ukiyo-e indigo", &[[22, 38, 74], [45, 84, 132], [126, 165, 184], [214, 203, 172], [240, 231, 206], [181, 76, 56]]),
     palette("Delft grey-blue", &[[28, 30, 34], [72, 84, 98], [122, 136, 146], [186, 178, 152], [221, 214, 196], [190, 148, 62]]),
     palette("Roman candlelight", &[[12, 9, 8], [40, 24, 16], [92, 46, 24], [150, 34, 26], [201, 142, 84], [238, 212, 166]]),

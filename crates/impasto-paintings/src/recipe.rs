@@ -1,7 +1,7 @@
 //! What determines a picture: family, palette, seed and scale.
 
 use crate::dice::Dice;
-use crate::palettes::{PALETTES, Palette};
+use crate::palettes::{NamedPalette, PALETTES};
 
 macro_rules! families {
     ($($(#[$doc:meta])* $family:ident => $name:literal),* $(,)?) => {
@@ -123,7 +123,7 @@ impl Recipe {
         }
     }
 
-    pub(crate) fn palette(&self) -> &'static Palette {
+    pub(crate) fn palette(&self) -> &'static NamedPalette {
         &PALETTES[self.palette % PALETTES.len()]
     }
 }

@@ -8,7 +8,7 @@ use crate::noise::{drift, fractal, noise};
 use glam::{Vec2, Vec3};
 
 /// An outline. Composition space: y from 0 (top) to 1 (bottom), x from 0 to the aspect ratio.
-pub(crate) enum Form {
+pub(crate) enum Outline {
     /// The whole picture.
     All,
     /// Everything below a ridge at height `level`, undulating by `swing` with features of `1/rate`.
@@ -48,7 +48,7 @@ pub(crate) enum Modelling {
 
 /// Which way brush strokes run inside a shape.
 #[derive(Clone, Copy)]
-pub(crate) enum Flow {
+pub(crate) enum StrokeFlow {
     /// Along a fixed direction.
     Along(Vec2),
     /// Around the shape's middle.
@@ -58,12 +58,12 @@ pub(crate) enum Flow {
 }
 
 /// One painted thing.
-pub(crate) struct Shape {
-    pub form: Form,
+pub(crate) struct PaintedShape {
+    pub outline: Outline,
     pub light: Vec3,
     pub shade: Vec3,
     pub modelling: Modelling,
-    pub flow: Flow,
+    pub flow: StrokeFlow,
     /// Softness of the outline, composition units.
     pub soft: f32,
 }
@@ -71,7 +71,7 @@ pub(crate) struct Shape {
 /// A composition before it is rasterised.
 pub(crate) struct Composition {
     /// Back to front.
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<PaintedShape>,
     /// Direction the light comes from, in the picture's plane.
     pub light: Vec2,
     /// How far hand-drawn outlines wander, composition units.
@@ -96,7 +96,7 @@ pub(crate) struct Sketch {
     pub regions: usize,
 }
 
-impl Form {
+impl Outline {
     /// Signed distance (negative inside) and the point in the shape's own frame, about `[-1, 1]²`.
     fn at(&self, p: Vec2) -> (f32, Vec2) {
         match self {
@@ -172,7 +172,7 @@ impl Form {
     }
 }
 
-impl Shape {
+impl PaintedShape {
     /// Share of `light` against `shade` at a point of the shape's own frame.
     fn lit(&self, local: Vec2, p: Vec2, light: Vec2, seed: u32) -> f32 {
         match self.modelling {
@@ -197,9 +197,9 @@ impl Shape {
 
     fn heading(&self, local: Vec2, p: Vec2, seed: u32) -> Vec2 {
         let base = match self.flow {
-            Flow::Along(d) => d,
-            Flow::Around => local.perp().try_normalize().unwrap_or(Vec2::X),
-            Flow::Loose => direction(fractal(p * 2.0, 2, seed) * 2.0),
+            StrokeFlow::Along(d) => d,
+            StrokeFlow::Around => local.perp().try_normalize().unwrap_or(Vec2::X),
+            StrokeFlow::Loose => direction(fractal(p * 2.0, 2, seed) * 2.0),
         };
         let stray = (noise(p * 5.0, seed) - 0.5) * 0.25;
         crate::maths::turned(base, stray)
@@ -240,13 +240,13 @@ impl Sketch {
     fn lay(
         &mut self,
         whole: &Composition,
-        shape: &Shape,
+        shape: &PaintedShape,
         index: usize,
         points: &[Vec2],
         scale: f32,
     ) {
         let margin = Vec2::splat(whole.wobble + shape.soft + scale);
-        let (low, high) = shape.form.extent();
+        let (low, high) = shape.outline.extent();
         let (low, high) = ((low - margin) / scale, (high + margin) / scale);
         let seed = whole.seed ^ (index as u32).wrapping_mul(0x9e37);
         let edge = shape.soft.max(scale * 0.5);
@@ -264,7 +264,7 @@ impl Sketch {
             for x in x0..x1 {
                 let i = y * self.width + x;
                 let p = points[i];
-                let (distance, local) = shape.form.at(p);
+                let (distance, local) = shape.outline.at(p);
                 let cover = smoothstep(edge, -edge, distance);
                 if cover <= 0.0 {
                     continue;
@@ -374,22 +374,22 @@ mod tests {
     use super::*;
 
     fn disc_on_ground() -> Sketch {
-        let shape = |form, light| Shape {
-            form,
+        let shape = |outline, light| PaintedShape {
+            outline,
             light,
             shade: light,
             modelling: Modelling::Flat,
-            flow: Flow::Loose,
+            flow: StrokeFlow::Loose,
             soft: 0.0,
         };
-        let disc = Form::Ellipse {
+        let disc = Outline::Ellipse {
             centre: Vec2::splat(0.5),
             radii: Vec2::splat(0.25),
             axis: Vec2::X,
             ragged: 0.0,
         };
         let composition = Composition {
-            shapes: vec![shape(Form::All, Vec3::ZERO), shape(disc, Vec3::ONE)],
+            shapes: vec![shape(Outline::All, Vec3::ZERO), shape(disc, Vec3::ONE)],
             light: Vec2::X,
             wobble: 0.0,
             stains: [Vec3::ZERO; 2],

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 
 use crate::error::PrepareError;
-use crate::log::Log;
+use crate::log::CommandLog;
 
 /// A program of the system.
 #[derive(Debug, Clone, Copy)]
@@ -21,8 +21,8 @@ pub(crate) struct Program<'a> {
     pub(crate) variable: &'static str,
 }
 
-/// How a run ended.
-pub(crate) struct Run {
+/// How a program ended.
+pub(crate) struct ProgramOutcome {
     status: ExitStatus,
     /// The line that says what went wrong, or else the last one.
     pub(crate) said: String,
@@ -46,9 +46,9 @@ impl Program<'_> {
     pub(crate) fn run(
         &self,
         arguments: &[OsString],
-        log: &mut Log,
+        log: &mut CommandLog,
         line: &mut dyn FnMut(&str),
-    ) -> Result<Run, PrepareError> {
+    ) -> Result<ProgramOutcome, PrepareError> {
         log.command(self.path, arguments)?;
         let missing = |source| PrepareError::ProgramMissing {
             name: self.name,
@@ -71,21 +71,16 @@ impl Program<'_> {
         let mut run = Listener::default();
         let mut output = BufReader::new(output);
         let mut bytes = Vec::new();
-        loop {
-            bytes.clear();
-            let length = output
-                .read_until(b'\n', &mut bytes)
-                .map_err(PrepareError::read(self.path))?;
-            if length == 0 {
-                break;
-            }
+        let unreadable = || PrepareError::read(self.path);
+        while output.read_until(b'\n', &mut bytes).map_err(unreadable())? > 0 {
             log.output(&bytes)?;
             let text = String::from_utf8_lossy(&bytes);
             run.hear(text.trim());
             line(text.trim());
+            bytes.clear();
         }
-        let status = child.0.wait().map_err(PrepareError::read(self.path))?;
-        Ok(Run {
+        let status = child.0.wait().map_err(unreadable())?;
+        Ok(ProgramOutcome {
             status,
             said: run.complaint.unwrap_or(run.last),
             out_of_memory: run.out_of_memory,
@@ -96,7 +91,7 @@ impl Program<'_> {
     pub(crate) fn succeed(
         &self,
         arguments: &[OsString],
-        log: &mut Log,
+        log: &mut CommandLog,
         line: &mut dyn FnMut(&str),
     ) -> Result<(), PrepareError> {
         self.run(arguments, log, line)?
@@ -106,14 +101,12 @@ impl Program<'_> {
     /// The program and its command, for messages.
     pub(crate) fn command(&self, arguments: &[OsString]) -> String {
         let first = arguments.first().map(|word| word.to_string_lossy());
-        match first {
-            Some(word) if !word.starts_with('-') => format!("{} {word}", self.name),
-            _ => self.name.to_owned(),
-        }
+        let command = first.filter(|word| !word.starts_with('-'));
+        command.map_or(self.name.to_owned(), |word| format!("{} {word}", self.name))
     }
 }
 
-impl Run {
+impl ProgramOutcome {
     /// Whether the exit code says so.
     pub(crate) fn is_success(&self) -> bool {
         self.status.success()
@@ -125,18 +118,18 @@ impl Run {
     }
 
     /// An error unless the program succeeded.
-    pub(crate) fn succeeded(self, command: &str, log: &Log) -> Result<(), PrepareError> {
+    pub(crate) fn succeeded(self, command: &str, log: &CommandLog) -> Result<(), PrepareError> {
         const SIGKILL: i32 = 9;
         if self.status.success() {
             return Ok(());
         }
-        let log = log.destination().to_owned();
+        let log = log.destination();
         let command = command.to_owned();
         let how = match signal(self.status) {
-            Some(SIGKILL) => {
+            Some(signal @ SIGKILL) => {
                 return Err(PrepareError::Killed {
                     command,
-                    signal: SIGKILL,
+                    signal,
                     log,
                 });
             }

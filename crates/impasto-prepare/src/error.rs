@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use impasto_scene::SceneError;
 
+use crate::video::endings::ENDINGS;
+
 /// Why a capture could not be prepared. Each message says what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum PrepareError {
@@ -14,7 +16,7 @@ pub enum PrepareError {
     /// The given file is no video.
     #[error(
         "{}: neither a folder of photos nor a video that is known by its ending ({})",
-        .0.display(), crate::video::ENDINGS.join(", ")
+        .0.display(), ENDINGS.join(", ")
     )]
     Unsupported(PathBuf),
     /// There is something else where the capture should be.

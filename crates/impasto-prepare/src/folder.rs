@@ -4,7 +4,8 @@ use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use crate::error::PrepareError;
-use crate::log::Log;
+use crate::listing::paths_in;
+use crate::log::CommandLog;
 
 /// Everything in the making is in this hidden folder inside the capture's.
 const WORK: &str = ".impasto-prepare";
@@ -30,8 +31,8 @@ pub(crate) fn check(scene: &Path) -> Result<(), PrepareError> {
         return Ok(());
     }
     let begun = scene.join(WORK).is_dir();
-    for entry in fs::read_dir(scene).map_err(PrepareError::read(scene))? {
-        let name = entry.map_err(PrepareError::read(scene))?.file_name();
+    for path in paths_in(scene)? {
+        let name = path.file_name().unwrap_or_default();
         let ours =
             name == WORK || name == LOG || (begun && PARTS[..2].iter().any(|&part| name == part));
         if !ours {
@@ -53,10 +54,8 @@ impl SceneFolder {
             made: Vec::new(),
             lock: None,
         };
-        let missing: Vec<&Path> = scene
-            .ancestors()
-            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
-            .collect();
+        let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let missing: Vec<&Path> = scene.ancestors().take_while(is_missing).collect();
         for path in missing.into_iter().rev() {
             fs::create_dir(path).map_err(PrepareError::write(path))?;
             folder.made.push(path.to_owned());
@@ -84,8 +83,8 @@ impl SceneFolder {
     }
 
     /// Begins the log.
-    pub(crate) fn log(&self) -> Result<Log, PrepareError> {
-        Log::new(self.work().join(LOG), self.scene.join(LOG))
+    pub(crate) fn log(&self) -> Result<CommandLog, PrepareError> {
+        CommandLog::new(self.work().join(LOG), self.scene.join(LOG))
     }
 
     /// Moves the finished parts and the log to their places.
@@ -107,20 +106,11 @@ impl SceneFolder {
     }
 
     fn clear(&self) -> Result<(), PrepareError> {
-        let work = self.work();
-        for entry in fs::read_dir(&work).map_err(PrepareError::read(&work))? {
-            let entry = entry.map_err(PrepareError::read(&work))?;
-            if entry.file_name() != LOCK {
-                remove(&entry.path())?;
-            }
-        }
-        for part in PARTS {
-            let path = self.scene.join(part);
-            if path.exists() {
-                remove(&path)?;
-            }
-        }
-        Ok(())
+        let begun = paths_in(&self.work())?.into_iter();
+        let begun = begun.filter(|path| !path.ends_with(LOCK));
+        let parts = PARTS.map(|part| self.scene.join(part)).into_iter();
+        let mut all = begun.chain(parts.filter(|path| path.exists()));
+        all.try_for_each(|path| remove(&path))
     }
 }
 

@@ -4,11 +4,13 @@
 //! installed ffmpeg. [`prepare()`] chooses their options, follows their output, understands how they
 //! fail and checks what they made. Nothing is undistorted: photos stay as they were taken.
 
+mod batches;
 mod child;
 mod colmap;
 mod error;
 mod event;
 mod folder;
+mod listing;
 mod log;
 mod options;
 mod photos;

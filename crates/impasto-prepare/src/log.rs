@@ -5,17 +5,19 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use impasto_scene::SceneError;
+
 use crate::error::PrepareError;
 
 /// A log in the making.
-pub(crate) struct Log {
+pub(crate) struct CommandLog {
     file: File,
     path: PathBuf,
     /// Where the log will be when the work is over, or has failed.
     destination: PathBuf,
 }
 
-impl Log {
+impl CommandLog {
     /// Begins the file `path`, which will be found at `destination`.
     pub(crate) fn new(path: PathBuf, destination: PathBuf) -> Result<Self, PrepareError> {
         Ok(Self {
@@ -26,8 +28,14 @@ impl Log {
     }
 
     /// Where a reader of messages will find the log.
-    pub(crate) fn destination(&self) -> &Path {
-        &self.destination
+    pub(crate) fn destination(&self) -> PathBuf {
+        self.destination.clone()
+    }
+
+    /// A model that cannot be used.
+    pub(crate) fn unusable(&self, source: SceneError) -> PrepareError {
+        let log = self.destination();
+        PrepareError::Scene { source, log }
     }
 
     /// Notes a command line, as a shell would take it.
@@ -36,14 +44,10 @@ impl Log {
         program: &Path,
         arguments: &[OsString],
     ) -> Result<(), PrepareError> {
-        let mut line = String::from("\n$ ");
-        line.push_str(&quoted(&program.to_string_lossy()));
-        for argument in arguments {
-            line.push(' ');
-            line.push_str(&quoted(&argument.to_string_lossy()));
-        }
-        line.push('\n');
-        self.output(line.as_bytes())
+        let program = [program.as_os_str()].into_iter();
+        let words = program.chain(arguments.iter().map(OsString::as_os_str));
+        let words: Vec<String> = words.map(|word| quoted(&word.to_string_lossy())).collect();
+        self.output(format!("\n$ {}\n", words.join(" ")).as_bytes())
     }
 
     /// Adds output as it is.

@@ -8,14 +8,15 @@ use std::time::Instant;
 
 use impasto_scene::{LoadOptions, Scene, load, overview};
 
-use crate::colmap::{self, Colmap, Model, Plan};
+use crate::colmap::{self, Colmap, MatchingPlan, Reconstruction, SparseModel};
 use crate::error::PrepareError;
 use crate::event::{Phase, Sink, note, progress, warning};
 use crate::folder::{self, SceneFolder};
-use crate::log::Log;
+use crate::log::CommandLog;
 use crate::options::{Matching, PrepareOptions};
-use crate::photos::{self, Group, LEAST, LeftOut, Source, Taken, few, too_few};
+use crate::photos::{self, CameraGroup, LEAST, LeftOut, PhotoSource, Taken, few, too_few};
 use crate::summary::{PrepareSummary, Seconds, VideoFrames, summarise};
+use crate::video::endings::is_video;
 use crate::video::{self, Ffmpeg};
 
 /// Photos that each camera of a model must have for its principal point to be told. (Twelve of the
@@ -26,23 +27,24 @@ const MODEL_FILES: [&str; 3] = ["cameras.bin", "images.bin", "points3D.bin"];
 
 /// What there is to work with.
 struct Input {
-    sources: Vec<Source>,
+    sources: Vec<PhotoSource>,
     left_out: Vec<LeftOut>,
     video: Option<VideoFrames>,
 }
 
 /// What COLMAP found.
 struct Found {
-    groups: Vec<Group>,
-    plan: Plan,
-    models: Vec<Model>,
+    groups: Vec<CameraGroup>,
+    plan: MatchingPlan,
+    models: Vec<SparseModel>,
 }
 
 /// A run under way.
 struct Preparation<'a> {
     options: &'a PrepareOptions,
     folder: &'a SceneFolder,
-    log: &'a mut Log,
+    log: &'a mut CommandLog,
+    events: Sink<'a>,
     seconds: Seconds,
     threads: usize,
 }
@@ -61,30 +63,33 @@ pub fn prepare(options: &PrepareOptions, events: Sink<'_>) -> Result<PrepareSumm
         return Err(PrepareError::Missing(input.clone()));
     }
     folder::check(&options.scene)?;
-    let mut found = Input {
-        sources: Vec::new(),
-        left_out: Vec::new(),
+    let (sources, left_out) = if input.is_dir() {
+        let (sources, left_out) = photos::list(input, &options.scene)?;
+        if sources.len() < LEAST {
+            return Err(too_few(input, sources.len(), sources.len(), &left_out));
+        }
+        (sources, left_out)
+    } else if is_video(input) {
+        (Vec::new(), Vec::new())
+    } else {
+        return Err(PrepareError::Unsupported(input.clone()));
+    };
+    let found = Input {
+        sources,
+        left_out,
         video: None,
     };
-    if input.is_dir() {
-        (found.sources, found.left_out) = photos::list(input, &options.scene)?;
-        if found.sources.len() < LEAST {
-            let usable = found.sources.len();
-            return Err(too_few(input, usable, usable, &found.left_out));
-        }
-    } else if !video::is_video(input) {
-        return Err(PrepareError::Unsupported(input.clone()));
-    }
     let folder = SceneFolder::new(&options.scene)?;
     let mut log = folder.log()?;
     let mut preparation = Preparation {
         options,
         folder: &folder,
         log: &mut log,
+        events,
         seconds: Seconds::default(),
         threads: available_parallelism().map_or(1, NonZero::get),
     };
-    let mut summary = preparation.run(found, events)?;
+    let mut summary = preparation.run(found)?;
     drop(log);
     folder.finish()?;
     summary.seconds.all = start.elapsed().as_secs_f64();
@@ -92,11 +97,11 @@ pub fn prepare(options: &PrepareOptions, events: Sink<'_>) -> Result<PrepareSumm
 }
 
 impl Preparation<'_> {
-    fn run(&mut self, mut input: Input, events: Sink<'_>) -> Result<PrepareSummary, PrepareError> {
+    fn run(&mut self, mut input: Input) -> Result<PrepareSummary, PrepareError> {
         // What is missing is told before the work.
         let colmap = Colmap::new(&self.options.colmap, self.log)?;
         if !self.options.input.is_dir() {
-            self.take_frames(&mut input, events)?;
+            self.take_frames(&mut input)?;
         }
         let start = Instant::now();
         let images = self.folder.ready().join("images");
@@ -105,42 +110,44 @@ impl Preparation<'_> {
             &input.sources,
             &images,
             &mut input.left_out,
-            events,
+            self.events,
         )?;
         self.seconds.photos = start.elapsed().as_secs_f64();
         let turned = taken.iter().filter(|photo| photo.turned).count();
         if turned > 0 {
             let message = format!("{turned} photo(s) are turned upright, as their EXIF data say");
-            note(events, message);
+            note(self.events, message);
         }
-        let found = self.place(&colmap, &images, &taken, input.video.is_some(), events)?;
-        let scene = self.check(events)?;
+        let found = self.place(&colmap, &images, &taken, input.video.is_some())?;
+        let scene = self.check()?;
         let mut summary = summarise(&scene, &taken, &found.groups, &found.models);
-        self.options.scene.clone_into(&mut summary.scene);
-        summary.colmap = colmap.version;
-        summary.matching = found.plan.name();
         summary.photos.given = input.sources.len();
-        summary.left_out = input.left_out;
-        summary.video = input.video;
-        summary.picture = self.options.scene.join("capture.png");
-        summary.log = self.log.destination().to_owned();
-        summary.seconds = self.seconds;
-        Ok(summary)
+        Ok(PrepareSummary {
+            scene: self.options.scene.clone(),
+            colmap: colmap.version,
+            matching: found.plan.name(),
+            left_out: input.left_out,
+            video: input.video,
+            picture: self.options.scene.join("capture.png"),
+            log: self.log.destination(),
+            seconds: self.seconds,
+            ..summary
+        })
     }
 
-    fn take_frames(&mut self, input: &mut Input, events: Sink<'_>) -> Result<(), PrepareError> {
+    fn take_frames(&mut self, input: &mut Input) -> Result<(), PrepareError> {
         let start = Instant::now();
         let ffmpeg = Ffmpeg::new(&self.options.ffmpeg, self.log)?;
-        let (sources, told) = video::frames(
+        let (sources, frames) = video::frames(
             &ffmpeg,
             &self.options.input,
             self.options.frames,
             &self.folder.work().join("frames"),
             self.log,
-            events,
+            self.events,
         )?;
         input.sources = sources;
-        input.video = Some(told);
+        input.video = Some(frames);
         self.seconds.frames = start.elapsed().as_secs_f64();
         Ok(())
     }
@@ -152,43 +159,49 @@ impl Preparation<'_> {
         images: &Path,
         taken: &[Taken],
         video: bool,
-        events: Sink<'_>,
     ) -> Result<Found, PrepareError> {
-        let work = self.folder.work();
         let groups = photos::groups(taken, self.options.cameras)?;
         let mut names: Vec<String> = taken.iter().map(|photo| photo.name.clone()).collect();
         names.sort();
         let count = names.len();
         let plan = colmap::plan(self.options.matching, &names, video);
+        let mut reconstruction = Reconstruction {
+            colmap,
+            work: &self.folder.work(),
+            images,
+            log: self.log,
+            events: self.events,
+        };
 
         let start = Instant::now();
         let threads = colmap::extraction_threads(taken, self.threads);
-        let features = colmap::extract(colmap, &work, images, &groups, threads, self.log, events)?;
+        let features = reconstruction.extract(&groups, threads)?;
         self.seconds.features = start.elapsed().as_secs_f64();
 
-        note(events, self.announce(plan, count, features));
+        let free = self.options.matching == Matching::Auto;
+        let seconds = plan.seconds(count, features, self.threads);
+        note(reconstruction.events, announce(plan, count, seconds, free));
         let start = Instant::now();
-        colmap::compare(colmap, &work, &plan, self.threads, self.log, events)?;
+        reconstruction.compare(plan, self.threads)?;
         self.seconds.matching = start.elapsed().as_secs_f64();
 
         let start = Instant::now();
-        colmap::map(colmap, &work, images, count, self.log, events)?;
-        let models = colmap::models(&work.join("models"), self.log)?;
+        let models = reconstruction.map(count)?;
         let registered = models.first().map_or(0, |model| model.photos.len());
         if registered < LEAST {
             return Err(PrepareError::NotRegistered {
                 registered,
                 photos: count,
                 advice: match plan {
-                    Plan::Exhaustive => "",
-                    Plan::Sequential => ", or use --matching exhaustive",
+                    MatchingPlan::Exhaustive => "",
+                    MatchingPlan::Sequential => ", or use --matching exhaustive",
                 },
-                log: self.log.destination().to_owned(),
+                log: self.log.destination(),
             });
         }
-        self.keep(colmap, &models[0], &groups, events)?;
+        self.keep(colmap, &models[0], &groups)?;
         self.seconds.mapping = start.elapsed().as_secs_f64();
-        warn_of_lost(&models, &names, events);
+        warn_of_lost(&models, &names, self.events);
         Ok(Found {
             groups,
             plan,
@@ -196,59 +209,29 @@ impl Preparation<'_> {
         })
     }
 
-    /// Which photos will be compared, and how long that may take.
-    fn announce(&self, plan: Plan, photos: usize, features: f64) -> String {
-        let pairs = plan.pairs(photos);
-        let minutes = plan.seconds(photos, features, self.threads) / 60.0;
-        let mut text = match plan {
-            Plan::Exhaustive => format!("comparing all {pairs} pairs of {photos} photos"),
-            Plan::Sequential => format!("comparing {photos} photos with their neighbours by name"),
-        };
-        text += &match minutes {
-            m if m < 1.0 => ", less than a minute".to_owned(),
-            m if m < 90.0 => format!(", about {m:.0} min"),
-            m => format!(", about {:.1} h", m / 60.0),
-        };
-        match plan {
-            Plan::Sequential => {
-                text += "; that a walk comes back to its start is not looked for: if the picture of \
-                         the cameras is torn there, use --matching exhaustive";
-            }
-            Plan::Exhaustive if minutes > 30.0 && self.options.matching == Matching::Auto => {
-                text += "; photos in the order in which they were taken can be compared much \
-                         faster: --matching sequential";
-            }
-            Plan::Exhaustive => {}
-        }
-        text
-    }
-
     /// Puts the model in its place, adjusted once more where that helps.
     fn keep(
         &mut self,
         colmap: &Colmap<'_>,
-        model: &Model,
-        groups: &[Group],
-        events: Sink<'_>,
+        model: &SparseModel,
+        groups: &[CameraGroup],
     ) -> Result<(), PrepareError> {
         let mut from = model.folder.clone();
-        let of_camera = |group: &Group| {
+        let of_camera = |group: &CameraGroup| {
             let registered = |name: &&String| model.photos.binary_search(name).is_ok();
-            match group.photos.iter().filter(registered).count() {
-                // With a camera each, one photo.
-                0 => None,
-                count => Some(if group.shared { count } else { 1 }),
-            }
+            let count = group.photos.iter().filter(registered).count();
+            // With a camera each, one photo.
+            (count > 0).then_some(if group.shared { count } else { 1 })
         };
         if groups.iter().filter_map(of_camera).min() >= Some(TELLING) {
-            progress(events, Phase::Refining, 0, 1);
+            progress(self.events, Phase::Refining, 0, 1);
             let refined = self.folder.work().join("refined");
             if colmap::refine(colmap, &model.folder, &refined, self.log)? {
                 from = refined;
             } else {
                 let message = "COLMAP could not adjust the principal point; the cameras are kept \
                                as they were before";
-                warning(events, message.into());
+                warning(self.events, message.into());
             }
         }
         let to = self.folder.ready().join("sparse/0");
@@ -261,30 +244,50 @@ impl Preparation<'_> {
     }
 
     /// Reads the capture as training will, and draws it.
-    fn check(&self, events: Sink<'_>) -> Result<Scene, PrepareError> {
-        progress(events, Phase::Checking, 0, 1);
+    fn check(&mut self) -> Result<Scene, PrepareError> {
+        progress(self.events, Phase::Checking, 0, 1);
         let ready = self.folder.ready();
-        let scene =
-            load(&ready, &LoadOptions::default()).map_err(|source| PrepareError::Scene {
-                source,
-                log: self.log.destination().to_owned(),
-            })?;
+        let scene = load(&ready, &LoadOptions::default());
+        let scene = scene.map_err(|source| self.log.unusable(source))?;
         let picture = ready.join("capture.png");
-        overview::picture(&scene)
-            .save(&picture)
-            .map_err(PrepareError::encode(&picture))?;
-        progress(events, Phase::Checking, 1, 1);
+        let saved = overview::picture(&scene).save(&picture);
+        saved.map_err(PrepareError::encode(&picture))?;
+        progress(self.events, Phase::Checking, 1, 1);
         Ok(scene)
     }
 }
 
+/// Which photos will be compared, and how long that may take; `free` says that a plan was left to
+/// this program.
+fn announce(plan: MatchingPlan, photos: usize, seconds: f64, free: bool) -> String {
+    let pairs = plan.pairs(photos);
+    let minutes = seconds / 60.0;
+    let duration = match minutes {
+        m if m < 1.0 => "less than a minute".to_owned(),
+        m if m < 90.0 => format!("about {m:.0} min"),
+        m => format!("about {:.1} h", m / 60.0),
+    };
+    if plan == MatchingPlan::Sequential {
+        return format!(
+            "comparing {photos} photos with their neighbours by name, {duration}; that a walk comes \
+             back to its start is not looked for: if the picture of the cameras is torn there, use \
+             --matching exhaustive"
+        );
+    }
+    let advice = if minutes > 30.0 && free {
+        "; photos in the order in which they were taken can be compared much faster: --matching \
+         sequential"
+    } else {
+        ""
+    };
+    format!("comparing all {pairs} pairs of {photos} photos, {duration}{advice}")
+}
+
 /// Says which photos have no pose, and why that may be.
-fn warn_of_lost(models: &[Model], names: &[String], events: Sink<'_>) {
+fn warn_of_lost(models: &[SparseModel], names: &[String], events: Sink<'_>) {
     let kept = &models[0].photos;
-    let lost: Vec<&String> = names
-        .iter()
-        .filter(|name| kept.binary_search(name).is_err())
-        .collect();
+    let mut lost: Vec<&String> = names.iter().collect();
+    lost.retain(|name| kept.binary_search(name).is_err());
     if lost.is_empty() {
         return;
     }

@@ -1,17 +1,17 @@
 //! What was made, told in the end.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use impasto_scene::{Intrinsics, Scene};
 use serde::Serialize;
 
-use crate::colmap::Model;
-use crate::photos::{Group, LeftOut, Taken};
+use crate::colmap::SparseModel;
+use crate::photos::{CameraGroup, LeftOut, Taken};
 
 /// Photos by what became of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct PhotoCounts {
     /// Files of the folder that could be photos, or frames chosen from the video.
     pub given: usize,
@@ -71,7 +71,7 @@ pub struct Seconds {
 }
 
 /// What was made.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct PrepareSummary {
     /// The capture's folder.
     pub scene: PathBuf,
@@ -111,44 +111,31 @@ pub struct PrepareSummary {
 pub(crate) fn summarise(
     scene: &Scene,
     taken: &[Taken],
-    groups: &[Group],
-    models: &[Model],
+    groups: &[CameraGroup],
+    models: &[SparseModel],
 ) -> PrepareSummary {
     let kept = &models[0].photos;
-    let missing = |name: &&str| kept.binary_search_by(|k| k.as_str().cmp(name)).is_err();
-    let mut not_registered: Vec<&str> = taken.iter().map(|p| p.name.as_str()).collect();
-    not_registered.retain(missing);
-    not_registered.sort_unstable();
-    let mut elsewhere: Vec<&str> = models[1..]
-        .iter()
-        .flat_map(|model| model.photos.iter().map(String::as_str))
-        .filter(missing)
-        .collect();
-    elsewhere.sort_unstable();
-    elsewhere.dedup();
+    let missing = |name: &&String| kept.binary_search(name).is_err();
+    let not_registered = taken.iter().map(|p| &p.name).filter(missing);
+    let not_registered: BTreeSet<&String> = not_registered.collect();
+    let others = models[1..].iter().flat_map(|model| &model.photos);
+    let in_others: BTreeSet<&String> = others.filter(missing).collect();
     let (observations, distance) = reprojection(scene);
     PrepareSummary {
-        scene: PathBuf::new(),
-        colmap: String::new(),
         photos: PhotoCounts {
             given: taken.len(),
             used: taken.len(),
             registered: kept.len(),
             turned: taken.iter().filter(|photo| photo.turned).count(),
         },
-        video: None,
-        left_out: Vec::new(),
-        not_registered: not_registered.into_iter().map(str::to_owned).collect(),
+        not_registered: not_registered.into_iter().cloned().collect(),
         models: models.iter().map(|model| model.photos.len()).collect(),
-        in_other_models: elsewhere.into_iter().map(str::to_owned).collect(),
-        matching: "",
+        in_other_models: in_others.into_iter().cloned().collect(),
         reprojection_error: distance / observations.max(1) as f64,
         points: scene.points.len(),
         track_length: observations as f64 / scene.points.len().max(1) as f64,
         lenses: lenses(scene, groups),
-        seconds: Seconds::default(),
-        picture: PathBuf::new(),
-        log: PathBuf::new(),
+        ..PrepareSummary::default()
     }
 }
 
@@ -169,7 +156,7 @@ fn reprojection(scene: &Scene) -> (usize, f64) {
 }
 
 /// The lenses, by group of photos and size.
-fn lenses(scene: &Scene, groups: &[Group]) -> Vec<LensGroup> {
+fn lenses(scene: &Scene, groups: &[CameraGroup]) -> Vec<LensGroup> {
     let mut lenses: Vec<LensGroup> = Vec::new();
     for group in groups {
         let mut sizes: BTreeMap<(u32, u32), Vec<Intrinsics>> = BTreeMap::new();
@@ -180,8 +167,8 @@ fn lenses(scene: &Scene, groups: &[Group]) -> Vec<LensGroup> {
             }
         }
         for ((w, h), all) in sizes {
-            let mean =
-                |of: fn(&Intrinsics) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+            let count = all.len() as f64;
+            let mean = |of: fn(&Intrinsics) -> f64| all.iter().map(of).sum::<f64>() / count;
             let fl_x = mean(|k| k.fl_x);
             lenses.push(LensGroup {
                 model: group.model(),

@@ -53,10 +53,8 @@ impl Distortion {
             if best_error < 1e-24 {
                 break;
             }
-            let dx =
-                (self.apply(p + DVec2::X * STEP) - self.apply(p - DVec2::X * STEP)) / (2.0 * STEP);
-            let dy =
-                (self.apply(p + DVec2::Y * STEP) - self.apply(p - DVec2::Y * STEP)) / (2.0 * STEP);
+            let slope = |step: DVec2| (self.apply(p + step) - self.apply(p - step)) / (2.0 * STEP);
+            let (dx, dy) = (slope(DVec2::X * STEP), slope(DVec2::Y * STEP));
             let det = dx.x * dy.y - dy.x * dx.y;
             if det.abs() < 1e-9 {
                 break;
@@ -104,10 +102,8 @@ impl Intrinsics {
         if self.width == 0 || self.height == 0 {
             return Err("the image size must be positive whole numbers".into());
         }
-        if ![self.cx, self.cy, d.k1, d.k2, d.p1, d.p2]
-            .iter()
-            .all(|x| x.is_finite())
-        {
+        let numbers = [self.cx, self.cy, d.k1, d.k2, d.p1, d.p2];
+        if !numbers.iter().all(|x| x.is_finite()) {
             return Err("the principal point or the distortion is NaN or infinite".into());
         }
         for focal in [self.fl_x, self.fl_y] {
@@ -136,6 +132,11 @@ impl Intrinsics {
             ));
         }
         Ok(())
+    }
+
+    /// Width and height of the image in pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
     }
 
     /// The same lens imaged on `width × height` pixels.
@@ -192,12 +193,11 @@ impl Camera {
     /// Ray through image position `(x, y)` in pixels; a pixel's centre is at `index + ½`.
     pub fn ray(&self, x: f64, y: f64) -> Ray {
         let k = &self.intrinsics;
-        let p = k
-            .distortion
-            .remove(DVec2::new((x - k.cx) / k.fl_x, (y - k.cy) / k.fl_y));
+        let seen = DVec2::new((x - k.cx) / k.fl_x, (y - k.cy) / k.fl_y);
+        let ideal = k.distortion.remove(seen);
         Ray {
             origin: self.centre(),
-            direction: DMat3::from_mat4(self.camera_to_world) * p.extend(1.0),
+            direction: DMat3::from_mat4(self.camera_to_world) * ideal.extend(1.0),
         }
     }
 
@@ -210,10 +210,8 @@ impl Camera {
         }
         let k = &self.intrinsics;
         let p = k.distortion.apply(local.truncate() / local.z);
-        Some((
-            DVec2::new(p.x * k.fl_x + k.cx, p.y * k.fl_y + k.cy),
-            local.z,
-        ))
+        let pixel = DVec2::new(p.x * k.fl_x + k.cx, p.y * k.fl_y + k.cy);
+        Some((pixel, local.z))
     }
 
     /// The same view on another pixel grid.

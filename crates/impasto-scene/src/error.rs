@@ -178,13 +178,21 @@ pub enum SceneError {
 
 /// A folder in a sentence, also the current one.
 fn shown(folder: &Path) -> String {
-    match folder.as_os_str().is_empty() {
-        true => ".".into(),
-        false => folder.display().to_string(),
+    if folder.as_os_str().is_empty() {
+        return ".".into();
     }
+    folder.display().to_string()
 }
 
 impl SceneError {
+    /// A file or folder that the system does not let be read.
+    pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
+        |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
     pub(crate) fn malformed(
         path: &Path,
         place: impl Into<String>,
@@ -196,14 +204,28 @@ impl SceneError {
             problem: problem.into(),
         }
     }
+
+    /// A pose, stated in `path`, with what is wrong with it as the end of a sentence.
+    pub(crate) fn pose(path: &Path, frame: &str, problem: impl Into<String>) -> Self {
+        Self::Pose {
+            path: path.to_owned(),
+            frame: frame.to_owned(),
+            problem: problem.into(),
+        }
+    }
+
+    pub(crate) fn lens_model(path: &Path, place: &str, model: impl Into<String>) -> Self {
+        Self::LensModel {
+            path: path.to_owned(),
+            place: place.to_owned(),
+            model: model.into(),
+        }
+    }
 }
 
 /// Reads a whole file; a failure names it.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
-    read_whole(path, LARGEST_FILE).map_err(|source| SceneError::Io {
-        path: path.to_owned(),
-        source,
-    })
+    read_whole(path, LARGEST_FILE).map_err(SceneError::io(path))
 }
 
 /// Reads a whole text file; a failure names it.

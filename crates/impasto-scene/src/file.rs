@@ -163,10 +163,7 @@ pub fn plainly(error: &io::Error) -> String {
         io::ErrorKind::NotADirectory => "it is not a folder".into(),
         _ => {
             let said = error.to_string();
-            match said.find(" (os error ") {
-                Some(end) => said[..end].to_owned(),
-                None => said,
-            }
+            said[..said.find(" (os error ").unwrap_or(said.len())].to_owned()
         }
     }
 }

@@ -8,15 +8,17 @@ use glam::{DVec2, DVec3};
 use image::metadata::Orientation;
 use rayon::prelude::*;
 
-use crate::camera::Camera;
-use crate::detect::{self, Format};
+use crate::detect;
 use crate::error::SceneError;
-use crate::masks::{self, MaskUse};
+use crate::format::Format;
+use crate::masks::{self, MaskUse, PhotoMask};
 use crate::normalise::Normalisation;
-use crate::photo::downscaled;
+use crate::photo::{downscaled, same_shape};
 use crate::picture_file::{Decoded, on_white};
-use crate::readers::{self, Capture, Frame, RawPoint};
+use crate::readers;
+use crate::readers::capture::{RawFrame, RawPoint};
 use crate::scene::{Observation, Photo, Scene, SparsePoint, Split};
+use crate::statistics::median;
 
 /// Farther from the middle of the cameras than this many times the median camera is no place that
 /// a photographer walked to.
@@ -79,41 +81,37 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
             path: path.to_owned(),
             count,
         })?;
-    let stated: Vec<(u32, u32)> = capture.frames.iter().map(|f| size(&f.camera)).collect();
+    let stated = capture.frames.iter().map(|f| f.camera.intrinsics.size());
+    let stated: Vec<(u32, u32)> = stated.collect();
     let mut warnings: Vec<String> = far_away(&capture.frames, &centres).into_iter().collect();
     if options.masks != MaskUse::Off {
         let root = readers::root(&located);
         warnings.extend(masks::assign(&mut capture.frames, &root)?);
     }
-    let Capture {
-        frames,
-        points,
-        synthetic,
-    } = capture;
-    let decoded: Vec<Result<Photo, SceneError>> = frames
+    let decoded: Vec<Result<Photo, SceneError>> = capture
+        .frames
         .into_par_iter()
         .zip(splits)
         .map(|(frame, split)| photo(frame, split, &normalisation, options))
         .collect();
     let photos = decoded.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let points = points
-        .into_iter()
-        .map(|point| in_scene(&point, &photos, &stated, &normalisation))
-        .collect();
+    let points = capture.points.iter();
+    let points = points.map(|point| in_scene(point, &photos, &stated, &normalisation));
+    let points = points.collect();
     Ok(Scene {
         name: folder_name(path),
         format: located.format(),
         photos,
         points,
         normalisation,
-        synthetic,
+        synthetic: capture.synthetic,
         warnings,
     })
 }
 
 /// No two frames, sorted by name, have one name or one file.
-fn check_distinct(frames: &[Frame], path: &Path) -> Result<(), SceneError> {
-    let same = |a: &Frame, b: &Frame| SceneError::Duplicate {
+fn check_distinct(frames: &[RawFrame], path: &Path) -> Result<(), SceneError> {
+    let same = |a: &RawFrame, b: &RawFrame| SceneError::Duplicate {
         path: path.to_owned(),
         first: a.name.clone(),
         second: b.name.clone(),
@@ -121,7 +119,7 @@ fn check_distinct(frames: &[Frame], path: &Path) -> Result<(), SceneError> {
     if let Some(pair) = frames.windows(2).find(|pair| pair[0].name == pair[1].name) {
         return Err(same(&pair[0], &pair[1]));
     }
-    let mut files: BTreeMap<PathBuf, &Frame> = BTreeMap::new();
+    let mut files: BTreeMap<PathBuf, &RawFrame> = BTreeMap::new();
     for frame in frames {
         // What is not there is reported when it is to be decoded.
         let Ok(file) = frame.photo.canonicalize() else {
@@ -135,15 +133,11 @@ fn check_distinct(frames: &[Frame], path: &Path) -> Result<(), SceneError> {
 }
 
 /// A warning of cameras that stand so far out that the rest of the scene becomes a dot.
-fn far_away(frames: &[Frame], centres: &[DVec3]) -> Option<String> {
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    let along = |axis: usize| median(centres.iter().map(|c| c[axis]).collect());
-    let middle = DVec3::new(along(0), along(1), along(2));
+fn far_away(frames: &[RawFrame], centres: &[DVec3]) -> Option<String> {
+    let along = |axis: usize| median(centres.iter().map(|c| c[axis]));
+    let middle = DVec3::new(along(0)?, along(1)?, along(2)?);
     let distances: Vec<f64> = centres.iter().map(|c| c.distance(middle)).collect();
-    let typical = median(distances.clone());
+    let typical = median(distances.iter().copied())?;
     let far = frames.iter().zip(&distances);
     let far: Vec<_> = far.filter(|(_, d)| **d > OUTLIER * typical).collect();
     let (frame, distance) = far.first()?;
@@ -163,7 +157,7 @@ fn far_away(frames: &[Frame], centres: &[DVec3]) -> Option<String> {
     ))
 }
 
-fn splits(frames: &[Frame]) -> Vec<Split> {
+fn splits(frames: &[RawFrame]) -> Vec<Split> {
     let named = |split| frames.iter().any(|f| f.split == Some(split));
     let complete = named(Split::Train) && named(Split::Test);
     frames
@@ -176,18 +170,8 @@ fn splits(frames: &[Frame]) -> Vec<Split> {
         .collect()
 }
 
-fn size(camera: &Camera) -> (u32, u32) {
-    (camera.intrinsics.width, camera.intrinsics.height)
-}
-
-/// Whether two sizes are of one shape, within 1 %.
-pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
-    let stretch = |from: u32, to: u32| f64::from(to) / f64::from(from);
-    (stretch(a.0, b.0) / stretch(a.1, b.1) - 1.0).abs() <= 0.01
-}
-
 fn photo(
-    frame: Frame,
+    frame: RawFrame,
     split: Split,
     normalisation: &Normalisation,
     options: &LoadOptions,
@@ -201,39 +185,18 @@ fn photo(
         }
         other => other,
     })?;
-    let stored = (decoded.pixels.width(), decoded.pixels.height());
-    let stated = size(&frame.camera);
-    if frame.measured && stored != stated {
-        return Err(SceneError::Changed { path: frame.photo });
-    }
-    let mut turn = Orientation::NoTransforms;
-    if !same_shape(stated, stored) {
-        if !swaps_sides(decoded.turn) || !same_shape(stated, (stored.1, stored.0)) {
-            return Err(SceneError::PhotoSize {
-                path: frame.photo,
-                photo: stored,
-                camera: stated,
-            });
-        }
-        turn = decoded.turn;
-        decoded.pixels.apply_orientation(turn);
-    }
+    let turn = turn_to_fit(&mut decoded, &frame)?;
     let mut full = on_white(decoded.pixels);
     // A mask may be as large as its photo, and waits for its turn like any other picture.
     let alone = decoded.alone.filter(|_| frame.mask.is_none());
-    let mask = match &frame.mask {
-        None => None,
-        Some(path) => {
-            let mask = masks::Mask::read(path, turn, full.dimensions())?;
-            match options.masks {
-                MaskUse::Transparent => {
-                    mask.fade(&mut full);
-                    None
-                }
-                MaskUse::Ignore | MaskUse::Off => Some(mask.downscaled(options.downscale)?),
-            }
+    let mut mask = None;
+    if let Some(path) = &frame.mask {
+        let read = PhotoMask::read(path, turn, full.dimensions())?;
+        match options.masks {
+            MaskUse::Transparent => read.fade(&mut full),
+            MaskUse::Ignore | MaskUse::Off => mask = Some(read.downscaled(options.downscale)?),
         }
-    };
+    }
     let pixels = downscaled(full, options.downscale);
     drop(alone);
     let mut camera = frame.camera.resized(pixels.width(), pixels.height());
@@ -246,6 +209,29 @@ fn photo(
         pixels,
         mask,
     })
+}
+
+/// Turns a photo that does not fit its camera otherwise; tells how.
+fn turn_to_fit(decoded: &mut Decoded, frame: &RawFrame) -> Result<Orientation, SceneError> {
+    let stored = (decoded.pixels.width(), decoded.pixels.height());
+    let stated = frame.camera.intrinsics.size();
+    if frame.measured && stored != stated {
+        return Err(SceneError::Changed {
+            path: frame.photo.clone(),
+        });
+    }
+    if same_shape(stated, stored) {
+        return Ok(Orientation::NoTransforms);
+    }
+    if !swaps_sides(decoded.turn) || !same_shape(stated, (stored.1, stored.0)) {
+        return Err(SceneError::PhotoSize {
+            path: frame.photo.clone(),
+            photo: stored,
+            camera: stated,
+        });
+    }
+    decoded.pixels.apply_orientation(decoded.turn);
+    Ok(decoded.turn)
 }
 
 fn swaps_sides(turn: Orientation) -> bool {
@@ -287,12 +273,10 @@ fn in_scene(
 fn folder_name(path: &Path) -> String {
     let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let folder = if whole.is_file() {
-        whole.parent().map(Path::to_owned)
+        whole.parent()
     } else {
-        Some(whole)
+        Some(&*whole)
     };
-    folder.as_deref().and_then(Path::file_name).map_or_else(
-        || "scene".into(),
-        |name| name.to_string_lossy().into_owned(),
-    )
+    let name = folder.and_then(Path::file_name);
+    name.map_or("scene".into(), |name| name.to_string_lossy().into_owned())
 }

@@ -8,10 +8,10 @@ use image::{GrayImage, Luma, RgbImage};
 use serde::{Deserialize, Serialize};
 
 use crate::error::SceneError;
-use crate::load::same_shape;
-use crate::photo::{all_of, downscaled_size};
+use crate::photo::{all_of, downscaled_size, same_shape};
 use crate::picture_file::{Decoded, faded, is_picture};
-use crate::readers::{Frame, plain_path};
+use crate::readers::capture::RawFrame;
+use crate::readers::names::plain_path;
 
 /// Name of the folder beside that of the photos.
 const FOLDER: &str = "masks";
@@ -32,12 +32,12 @@ pub enum MaskUse {
 }
 
 /// The mask of one photo, of the photo's size; 255 shows, 0 hides.
-pub(crate) struct Mask {
+pub(crate) struct PhotoMask {
     path: PathBuf,
     values: GrayImage,
 }
 
-impl Mask {
+impl PhotoMask {
     /// Reads the mask of a photo of `size`, which was turned like `turn` when it was read.
     ///
     /// Its transparency counts, where any pixel has some, else its brightness.
@@ -64,10 +64,8 @@ impl Mask {
                 found.0, found.1, size.0, size.1
             )));
         }
-        let rgba = decoded
-            .pixels
-            .has_alpha()
-            .then(|| decoded.pixels.to_rgba8());
+        let has_alpha = decoded.pixels.has_alpha();
+        let rgba = has_alpha.then(|| decoded.pixels.to_rgba8());
         let values = match rgba {
             Some(rgba) if rgba.pixels().any(|p| p[3] < 255) => {
                 GrayImage::from_fn(found.0, found.1, |x, y| Luma([rgba.get_pixel(x, y)[3]]))
@@ -114,7 +112,7 @@ impl Mask {
 
 /// Gives frames without a mask of their own the one that lies in a folder of masks, and warns of
 /// masks that are nobody's.
-pub(crate) fn assign(frames: &mut [Frame], root: &Path) -> Result<Option<String>, SceneError> {
+pub(crate) fn assign(frames: &mut [RawFrame], root: &Path) -> Result<Option<String>, SceneError> {
     let root = plain_path(root);
     let mut folders: BTreeMap<PathBuf, Listing> = BTreeMap::new();
     for frame in frames.iter_mut().filter(|frame| frame.mask.is_none()) {
@@ -171,15 +169,11 @@ impl Listing {
             if !dir.is_dir() {
                 continue;
             }
-            let io = |source| SceneError::Io {
-                path: dir.clone(),
-                source,
-            };
-            if !seen.insert(dir.canonicalize().map_err(io)?) {
+            if !seen.insert(dir.canonicalize().map_err(SceneError::io(&dir))?) {
                 continue;
             }
-            for entry in std::fs::read_dir(&dir).map_err(io)? {
-                let path = entry.map_err(io)?.path();
+            for entry in std::fs::read_dir(&dir).map_err(SceneError::io(&dir))? {
+                let path = entry.map_err(SceneError::io(&dir))?.path();
                 if path.is_dir() {
                     waiting.push(path);
                 } else if is_picture(&path) {

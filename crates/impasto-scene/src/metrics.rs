@@ -46,7 +46,9 @@ pub fn psnr_of(a: &[f32], b: &[f32], used: &[bool]) -> f64 {
 pub fn ssim_of(
     a: &[f32],
     b: &[f32],
-    (width, height, channels): (usize, usize, usize),
+    width: usize,
+    height: usize,
+    channels: usize,
     used: &[bool],
 ) -> f64 {
     if a.len() != b.len() || used.len() != width * height || width.min(height) < WINDOW {
@@ -55,19 +57,17 @@ pub fn ssim_of(
     // Of one value, so that nothing depends on what is hidden there.
     let filled = |picture: &[f32]| -> Vec<f32> {
         let pixels = picture.chunks_exact(channels.max(1)).zip(used);
-        let filled = pixels.flat_map(|(pixel, used)| {
-            pixel
-                .iter()
-                .map(move |value| if *used { *value } else { HIDDEN })
-        });
-        filled.collect()
+        let shown = |value: &f32, used: bool| if used { *value } else { HIDDEN };
+        pixels
+            .flat_map(|(pixel, used)| pixel.iter().map(move |value| shown(value, *used)))
+            .collect()
     };
     let (a, b) = (filled(a), filled(b));
     let inner = |side: usize| WINDOW / 2..side - WINDOW / 2;
     let centres: Vec<bool> = inner(height)
         .flat_map(|y| inner(width).map(move |x| used[y * width + x]))
         .collect();
-    mean_similarity(&a, &b, (width, height, channels), Some(&centres))
+    mean_similarity(&a, &b, width, height, channels, Some(&centres))
 }
 
 /// Mean structural similarity (Wang et al. 2004) of two pictures, `height × width × channels`
@@ -77,14 +77,16 @@ pub fn ssim_of(
 /// averaged over the pixels whose window lies inside the picture, then over channels. NaN when a
 /// length is not `height · width · channels` or a side is shorter than the window.
 pub fn ssim(a: &[f32], b: &[f32], width: usize, height: usize, channels: usize) -> f64 {
-    mean_similarity(a, b, (width, height, channels), None)
+    mean_similarity(a, b, width, height, channels, None)
 }
 
 /// The mean over windows, all of them or those whose centre is chosen, then over channels.
 fn mean_similarity(
     a: &[f32],
     b: &[f32],
-    (width, height, channels): (usize, usize, usize),
+    width: usize,
+    height: usize,
+    channels: usize,
     centres: Option<&[bool]>,
 ) -> f64 {
     let length = width * height * channels;
@@ -126,11 +128,8 @@ fn similarities(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> 
         filter(&plane, width, weights)
     };
     let (mean_a, mean_b) = (smooth(|a, _| a), smooth(|_, b| b));
-    let (aa, bb, ab) = (
-        smooth(|a, _| a * a),
-        smooth(|_, b| b * b),
-        smooth(|a, b| a * b),
-    );
+    let (aa, bb) = (smooth(|a, _| a * a), smooth(|_, b| b * b));
+    let ab = smooth(|a, b| a * b);
     (0..mean_a.len())
         .map(|i| {
             let (ma, mb) = (mean_a[i], mean_b[i]);
@@ -144,13 +143,9 @@ fn similarities(a: &[f64], b: &[f64], width: usize, weights: &[f64; WINDOW]) -> 
 /// Separable convolution; the result has `WINDOW − 1` fewer rows and columns.
 fn filter(plane: &[f64], width: usize, weights: &[f64; WINDOW]) -> Vec<f64> {
     let out_width = width - WINDOW + 1;
-    let narrow: Vec<f64> = plane
-        .chunks_exact(width)
-        .flat_map(|row| {
-            row.windows(WINDOW)
-                .map(|w| w.iter().zip(weights).map(|(v, k)| v * k).sum())
-        })
-        .collect();
+    let mean = |window: &[f64]| window.iter().zip(weights).map(|(v, k)| v * k).sum();
+    let rows = plane.chunks_exact(width);
+    let narrow: Vec<f64> = rows.flat_map(|row| row.windows(WINDOW).map(mean)).collect();
     let out_height = plane.len() / width - WINDOW + 1;
     let mut out = vec![0.0; out_width * out_height];
     for (y, row) in out.chunks_exact_mut(out_width).enumerate() {
@@ -191,11 +186,11 @@ mod tests {
     fn unused_pixels_do_not_count() {
         let (mut a, mut b) = pictures();
         let (whole, all) = (ssim(&a, &b, 19, 14, 3), vec![true; 19 * 14]);
-        assert_eq!(ssim_of(&a, &b, (19, 14, 3), &all), whole);
+        assert_eq!(ssim_of(&a, &b, 19, 14, 3, &all), whole);
         assert_eq!(psnr_of(&a, &b, &all), psnr(&a, &b));
         let used: Vec<bool> = (0..19 * 14).map(|i| i % 19 < 11).collect();
         let measured =
-            |a: &[f32], b: &[f32]| (psnr_of(a, b, &used), ssim_of(a, b, (19, 14, 3), &used));
+            |a: &[f32], b: &[f32]| (psnr_of(a, b, &used), ssim_of(a, b, 19, 14, 3, &used));
         let before = measured(&a, &b);
         let hidden = b.chunks_exact_mut(3).zip(&used);
         hidden
@@ -208,7 +203,7 @@ mod tests {
         a[0] = 1.0;
         assert_ne!(measured(&a, &b).0, before.0);
         assert!(psnr_of(&a, &b, &[false; 19 * 14]).is_nan());
-        assert!(ssim_of(&a, &b, (19, 14, 3), &[false; 19 * 14]).is_nan());
+        assert!(ssim_of(&a, &b, 19, 14, 3, &[false; 19 * 14]).is_nan());
     }
 
     #[test]

@@ -52,6 +52,12 @@ pub fn downscale(photo: &RgbImage, k: u32) -> RgbImage {
     small
 }
 
+/// Whether two sizes are of one shape, within 1 %.
+pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
+    let stretch = |from: u32, to: u32| f64::from(to) / f64::from(from);
+    (stretch(a.0, b.0) / stretch(a.1, b.1) - 1.0).abs() <= 0.01
+}
+
 /// [`downscale`] that keeps what need not shrink.
 pub(crate) fn downscaled(photo: RgbImage, k: u32) -> RgbImage {
     if k <= 1 {

@@ -45,11 +45,7 @@ pub fn is_picture(path: &Path) -> bool {
 /// megapixels, and a JPEG that ends before its end marker (decoders fill the rest of such a picture
 /// with grey).
 pub fn read_rgb(path: &Path) -> Result<RgbImage, SceneError> {
-    let Decoded {
-        mut pixels, turn, ..
-    } = Decoded::read(path)?;
-    pixels.apply_orientation(turn);
-    Ok(on_white(pixels))
+    Ok(Decoded::read(path)?.upright())
 }
 
 /// [`read_rgb`] of a file's bytes, of at most `most_pixels` pixels: for pictures that strangers send.
@@ -65,11 +61,7 @@ pub fn decode_rgb(bytes: &[u8], most_pixels: u64) -> Result<RgbImage, String> {
             most_pixels / 1_000_000
         ));
     }
-    let Decoded {
-        mut pixels, turn, ..
-    } = Decoded::of(bytes)?;
-    pixels.apply_orientation(turn);
-    Ok(on_white(pixels))
+    Ok(Decoded::of(bytes)?.upright())
 }
 
 /// Width and height as stored, from the header.
@@ -114,13 +106,16 @@ impl Decoded {
             alone,
         })
     }
+
+    /// The picture as 8-bit RGB, turned as its EXIF data says.
+    fn upright(mut self) -> RgbImage {
+        self.pixels.apply_orientation(self.turn);
+        on_white(self.pixels)
+    }
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, SceneError> {
-    read_whole(path, MOST_BYTES).map_err(|source| SceneError::Io {
-        path: path.to_owned(),
-        source,
-    })
+    read_whole(path, MOST_BYTES).map_err(SceneError::io(path))
 }
 
 fn refusal(path: &Path) -> impl FnOnce(String) -> SceneError {

@@ -7,7 +7,7 @@ use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
-use crate::detect::Format;
+use crate::format::Format;
 use crate::normalise::Normalisation;
 
 /// What a photo is used for.

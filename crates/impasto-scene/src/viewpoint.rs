@@ -4,9 +4,10 @@
 use glam::{DMat4, DVec3};
 
 use crate::camera::Camera;
-use crate::paths::of_fov;
-use crate::paths::shape::Shape;
+use crate::paths::camera_geometry::CameraGeometry;
+use crate::paths::pinhole::of_fov;
 use crate::pose;
+use crate::statistics::median;
 
 impl Camera {
     /// An ideal pinhole with square pixels: `columns` is camera to scene, column by column, in the
@@ -14,12 +15,8 @@ impl Camera {
     ///
     /// # Errors
     /// What is wrong with the pose, the angle or the size, as a sentence.
-    pub fn viewpoint(
-        columns: &[f64; 16],
-        fov: f64,
-        (width, height): (u32, u32),
-    ) -> Result<Self, String> {
-        if width == 0 || height == 0 {
+    pub fn viewpoint(columns: &[f64; 16], fov: f64, size: (u32, u32)) -> Result<Self, String> {
+        if size.0 == 0 || size.1 == 0 {
             return Err("a view needs at least one pixel".into());
         }
         if !(1.0..=170.0).contains(&fov) {
@@ -30,7 +27,7 @@ impl Camera {
         let camera_to_world = pose::rigid(DMat4::from_cols_array(columns))
             .map_err(|problem| format!("the pose {problem}"))?;
         Ok(Self {
-            intrinsics: of_fov(fov, (width, height)),
+            intrinsics: of_fov(fov, size),
             camera_to_world,
         })
     }
@@ -64,17 +61,12 @@ pub struct Vantage {
 impl Vantage {
     /// That of cameras; `None` if there are none.
     pub fn of(cameras: &[Camera]) -> Option<Self> {
-        if cameras.is_empty() {
-            return None;
-        }
-        let shape = Shape::of(cameras);
-        let away = |camera: &Camera| camera.centre().distance(shape.target);
-        let mut distances: Vec<f64> = cameras.iter().map(away).collect();
-        distances.sort_by(f64::total_cmp);
+        let CameraGeometry { up, target, .. } = CameraGeometry::of(cameras);
+        let distances = cameras.iter().map(|c| c.centre().distance(target));
         Some(Self {
-            up: shape.up,
-            focus: shape.target,
-            radius: distances[distances.len() / 2],
+            radius: median(distances)?,
+            up,
+            focus: target,
         })
     }
 }

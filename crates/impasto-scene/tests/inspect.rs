@@ -9,7 +9,7 @@ use common::shared;
 use glam::{DMat4, DVec2, DVec3};
 use image::{Rgb, RgbImage, imageops};
 use impasto_scene::builtin::{BuiltinOptions, BuiltinView, cameras, render};
-use impasto_scene::inspect::{Inspection, ProblemKind, Walk, inspect};
+use impasto_scene::inspect::{CapturePattern, Inspection, ProblemKind, inspect};
 use impasto_scene::{
     Camera, Format, LoadOptions, Normalisation, Observation, Photo, Scene, SparsePoint, Split, load,
 };
@@ -123,7 +123,7 @@ fn a_good_capture_has_no_problem() {
         let scene = scene(&views(), with_points);
         let found = inspect(&scene);
         assert_eq!(problems(&found), [], "points: {with_points}");
-        assert_eq!(found.cameras.walk, Walk::Around);
+        assert_eq!(found.cameras.walk, CapturePattern::Around);
         assert!(found.cameras.largest_gap < 40.0);
         assert_eq!(found.lenses.len(), 1);
         assert!((found.lenses[0].fov_x - 60.0).abs() < 0.1);

@@ -2,7 +2,7 @@
 
 use impasto::TrainConfig;
 use impasto::scene::Scene;
-use impasto::scene::inspect::{Inspection, Walk};
+use impasto::scene::inspect::{Inspection, CapturePattern};
 use impasto_train::estimate::{GIB, shrink_to_fit};
 use serde::Serialize;
 
@@ -56,7 +56,7 @@ fn of_capture(scene: &Scene, found: &Inspection) -> Vec<Warning> {
         });
     }
     let cameras = &found.cameras;
-    if cameras.walk == Walk::Around && GAP.contains(&cameras.largest_gap) {
+    if cameras.walk == CapturePattern::Around && GAP.contains(&cameras.largest_gap) {
         all.push(Warning {
             problem: format!(
                 "no photo was taken from {:.0}° of the directions around",

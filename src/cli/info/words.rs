@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use impasto::scene::inspect::{Inspection, Lens, PhotoFacts, Walk};
+use impasto::scene::inspect::{CapturePattern, Inspection, LensUse, PhotoFacts};
 use impasto_train::estimate::Estimate;
 
 use super::capture::CaptureInfo;
@@ -79,7 +79,7 @@ fn views(info: &CaptureInfo) -> String {
     let mut text = String::new();
     let sizes = info.sizes();
     let sides = |side: fn(&(u32, u32)) -> u32| range(sizes.keys().map(|s| f64::from(side(s))), "");
-    let angles = |angle: fn(&Lens) -> f64| range(found.lenses.iter().map(angle), "°");
+    let angles = |angle: fn(&LensUse) -> f64| range(found.lenses.iter().map(angle), "°");
     let bent = found.lenses.iter().any(|lens| lens.distorted);
     let _ = writeln!(
         text,
@@ -146,11 +146,13 @@ fn overlap(info: &CaptureInfo) -> String {
 fn walk(found: &Inspection) -> String {
     let gap = found.cameras.largest_gap;
     match found.cameras.walk {
-        Walk::Around if gap < 60.0 => format!("all around one place (largest gap {gap:.0}°)"),
-        Walk::Around => format!("along an arc of {:.0}° around one place", 360.0 - gap),
-        Walk::ForwardFacing => "all look about the same way".into(),
-        Walk::Outward => "look outwards all around".into(),
-        Walk::WalkThrough => "look different ways, as on a walk through a place".into(),
+        CapturePattern::Around if gap < 60.0 => {
+            format!("all around one place (largest gap {gap:.0}°)")
+        }
+        CapturePattern::Around => format!("along an arc of {:.0}° around one place", 360.0 - gap),
+        CapturePattern::ForwardFacing => "all look about the same way".into(),
+        CapturePattern::Outward => "look outwards all around".into(),
+        CapturePattern::WalkThrough => "look different ways, as on a walk through a place".into(),
     }
 }
 

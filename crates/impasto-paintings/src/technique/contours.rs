@@ -1,6 +1,6 @@
 //! Lines that follow the outlines of the sketch.
 
-use super::Studio;
+use super::studio::PaintingStudio;
 use crate::canvas::Brush;
 use crate::maths::mix;
 use glam::{Vec2, Vec3};
@@ -18,7 +18,7 @@ pub(super) struct Contour {
     pub heaviest: f32,
 }
 
-impl Studio {
+impl PaintingStudio {
     /// Draws lines along the outlines. Each line has one weight, most of them light.
     pub(super) fn draw_contours(&mut self, contour: &Contour, ink: Vec3) {
         for path in self.contour_paths(contour.least, contour.length) {
@@ -31,7 +31,7 @@ impl Studio {
                 width,
                 ..contour.brush
             };
-            self.canvas.stroke(&path, &brush, ink, self.dice.bits());
+            self.stroke(&path, &brush, ink);
         }
     }
 
@@ -39,10 +39,8 @@ impl Studio {
     fn contour_paths(&self, least: f32, length: f32) -> Vec<Vec<Vec2>> {
         let distance = self.outlines(least);
         let gap = (2.5 * self.unit).max(1.5);
-        let (columns, rows) = (
-            (self.canvas.width as f32 / gap) as usize + 1,
-            (self.canvas.height as f32 / gap) as usize + 1,
-        );
+        let counts = self.size() / gap;
+        let (columns, rows) = (counts.x as usize + 1, counts.y as usize + 1);
         let slot = |p: Vec2| {
             let x = ((p.x.max(0.0) / gap) as usize).min(columns - 1);
             let y = ((p.y.max(0.0) / gap) as usize).min(rows - 1);
@@ -119,7 +117,7 @@ impl Studio {
             at(p + Vec2::X * reach) - at(p - Vec2::X * reach),
             at(p + Vec2::Y * reach) - at(p - Vec2::Y * reach),
         );
-        let fallback = self.sketch.flow[self.sketch.index(p)];
+        let fallback = self.along(p);
         let up = slope.normalize_or(fallback.perp());
         (p - up * (at(p) - 0.5).max(0.0) * 0.8, up.perp())
     }

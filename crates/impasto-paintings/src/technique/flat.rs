@@ -1,13 +1,13 @@
 //! Flat colour: cut paper and geometric abstraction.
 
-use super::{Studio, textured};
+use super::studio::{PaintingStudio, textured};
 use crate::canvas::Brush;
 use crate::maths::{direction, from_whole, mix, smoothstep, wave};
 use crate::noise::{fractal, hash_unit, noise};
 use glam::{Vec2, Vec3};
 
 /// Regions as sheets of painted paper, each casting a shadow on those below; fronds on top.
-pub(super) fn cut_paper(studio: &mut Studio) {
+pub(super) fn cut_paper(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let flats = studio.flats(1.0);
     let seed = studio.dice.bits();
@@ -17,11 +17,8 @@ pub(super) fn cut_paper(studio: &mut Studio) {
     studio.canvas.each(|p, _| {
         let r = sketch.region[sketch.index(p)];
         let turn = direction(hash_unit(i32::from(r), 2, seed));
-        let gouache = fractal(
-            Vec2::new(p.dot(turn) / (26.0 * u), p.dot(turn.perp()) / (3.0 * u)),
-            2,
-            seed,
-        );
+        let brushed_along = Vec2::new(p.dot(turn) / (26.0 * u), p.dot(turn.perp()) / (3.0 * u));
+        let gouache = fractal(brushed_along, 2, seed);
         let c = textured(flats[usize::from(r)], gouache, brushed);
         let covered = [0.4f32, 0.7, 1.0]
             .iter()
@@ -38,9 +35,8 @@ pub(super) fn cut_paper(studio: &mut Studio) {
 }
 
 /// A lobed, seaweed-like cut-out with its shadow.
-fn frond(studio: &mut Studio, cast: Vec2) {
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
-    let centre = Vec2::new(studio.dice.unit(), studio.dice.unit()) * size;
+fn frond(studio: &mut PaintingStudio, cast: Vec2) {
+    let centre = studio.anywhere();
     let r = studio.dice.range(12.0, 34.0) * studio.unit;
     let (lobes, depth) = (studio.dice.count(3, 9) as f32, studio.dice.range(0.3, 0.75));
     let (start, squash) = (studio.dice.unit(), studio.dice.range(0.5, 1.0));
@@ -54,13 +50,13 @@ fn frond(studio: &mut Studio, cast: Vec2) {
         })
         .collect();
     let shadow: Vec<Vec2> = points.iter().map(|p| *p + cast * 0.7).collect();
-    studio.canvas.polygon(&shadow, |_| (Vec3::ZERO, 0.3));
-    let c = studio.pigments.pick(&studio.dice);
-    studio.canvas.polygon(&points, |_| (c, 1.0));
+    studio.canvas.fill(&shadow, Vec3::ZERO, 0.3);
+    let c = studio.pick();
+    studio.canvas.fill(&points, c, 1.0);
 }
 
 /// One of several schools of abstraction.
-pub(super) fn geometric(studio: &mut Studio) {
+pub(super) fn geometric(studio: &mut PaintingStudio) {
     match studio.dice.index(5) {
         0 => grid(studio),
         1 => fields(studio),
@@ -72,21 +68,15 @@ pub(super) fn geometric(studio: &mut Studio) {
     let u = studio.unit;
     studio.canvas.each(|p, c| {
         let cloth = from_whole(p.x / (2.6 * u)) + from_whole(p.y / (2.6 * u));
-        let c = textured(
-            c,
-            noise(Vec2::new(p.x / (20.0 * u), p.y / (2.2 * u)), seed),
-            weave,
-        );
+        let thread = noise(Vec2::new(p.x / (20.0 * u), p.y / (2.2 * u)), seed);
+        let c = textured(c, thread, weave);
         (c * mix(1.0 - weave, 1.0 + weave, cloth)).clamp(Vec3::ZERO, Vec3::ONE)
     });
 }
 
 /// Rectangles between black lines.
-fn grid(studio: &mut Studio) {
-    let mut boxes = vec![(
-        Vec2::ZERO,
-        Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32),
-    )];
+fn grid(studio: &mut PaintingStudio) {
+    let mut boxes = vec![(Vec2::ZERO, studio.size())];
     let least = studio.dice.range(24.0, 60.0) * studio.unit;
     let mut k = 0;
     while k < boxes.len() && boxes.len() < 300 {
@@ -97,15 +87,12 @@ fn grid(studio: &mut Studio) {
             k += 1;
             continue;
         }
-        let cut = if side.x > side.y {
-            Vec2::new(low.x + side.x * t, high.y)
+        let (cut, rest) = if side.x > side.y {
+            let x = low.x + side.x * t;
+            (Vec2::new(x, high.y), Vec2::new(x, low.y))
         } else {
-            Vec2::new(high.x, low.y + side.y * t)
-        };
-        let rest = if side.x > side.y {
-            Vec2::new(cut.x, low.y)
-        } else {
-            Vec2::new(low.x, cut.y)
+            let y = low.y + side.y * t;
+            (Vec2::new(high.x, y), Vec2::new(low.x, y))
         };
         boxes[k] = (low, cut);
         boxes.push((rest, high));
@@ -118,21 +105,18 @@ fn grid(studio: &mut Studio) {
         let c = if studio.dice.chance(plain) {
             paper
         } else {
-            studio.pigments.pick(&studio.dice)
+            studio.pick()
         };
         let (a, b) = (low + line * 0.5, high - line * 0.5);
-        studio
-            .canvas
-            .polygon(&[a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)], |_| {
-                (c, 1.0)
-            });
+        let corners = [a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)];
+        studio.canvas.fill(&corners, c, 1.0);
     }
 }
 
 /// Soft-edged fields hovering on a ground.
-fn fields(studio: &mut Studio) {
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
-    let (ground, seed) = (studio.pigments.pick(&studio.dice), studio.dice.bits());
+fn fields(studio: &mut PaintingStudio) {
+    let size = studio.size();
+    let (ground, seed) = (studio.pick(), studio.dice.bits());
     let n = studio.dice.count(2, 4);
     let bands: Vec<(f32, f32, Vec3)> = (0..n)
         .map(|k| {
@@ -140,7 +124,7 @@ fn fields(studio: &mut Studio) {
             (
                 mix(a, b, studio.dice.range(0.08, 0.2)),
                 mix(a, b, studio.dice.range(0.75, 0.95)),
-                studio.pigments.pick(&studio.dice),
+                studio.pick(),
             )
         })
         .collect();
@@ -156,31 +140,21 @@ fn fields(studio: &mut Studio) {
                 * smoothstep(bottom + edge, bottom - edge, q.y)
                 * smoothstep(0.08 - edge, 0.08 + edge, q.x)
                 * smoothstep(0.92 + edge, 0.92 - edge, q.x);
-            c = c.lerp(
-                textured(*field, cloud, 0.25),
-                inside * mix(0.75, 1.0, cloud),
-            );
+            let cover = inside * mix(0.75, 1.0, cloud);
+            c = c.lerp(textured(*field, cloud, 0.25), cover);
         }
         c
     });
 }
 
 /// Concentric rings cut into coloured sectors.
-fn discs(studio: &mut Studio) {
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
+fn discs(studio: &mut PaintingStudio) {
     let centres: Vec<(Vec2, f32)> = (0..studio.dice.count(1, 7))
-        .map(|_| {
-            (
-                Vec2::new(studio.dice.unit(), studio.dice.unit()) * size,
-                studio.dice.unit(),
-            )
-        })
+        .map(|_| (studio.anywhere(), studio.dice.unit()))
         .collect();
-    let (seed, ring) = (
-        studio.dice.bits(),
-        studio.dice.range(8.0, 22.0) * studio.unit,
-    );
-    let inks: Vec<Vec3> = (0..8).map(|_| studio.pigments.pick(&studio.dice)).collect();
+    let seed = studio.dice.bits();
+    let ring = studio.dice.range(8.0, 22.0) * studio.unit;
+    let inks = studio.picks(8);
     studio.canvas.each(|p, _| {
         let mut best = (f32::INFINITY, 0usize);
         for (k, (centre, _)) in centres.iter().enumerate() {
@@ -195,86 +169,69 @@ fn discs(studio: &mut Studio) {
         let q = p - centres[k].0;
         let quarter = i32::from(q.dot(axis) > 0.0) + 2 * i32::from(q.perp_dot(axis) > 0.0);
         let pick = hash_unit(band as i32 * 4 + quarter, k as i32, seed);
-        let edge = smoothstep(
-            0.0,
-            1.2,
-            (d / ring - band).min(1.0 + band - d / ring) * ring + 0.4,
-        );
+        let inside = (d / ring - band).min(1.0 + band - d / ring) * ring;
+        let edge = smoothstep(0.0, 1.2, inside + 0.4);
         inks[(pick * 8.0) as usize % 8] * mix(0.8, 1.0, edge)
     });
 }
 
 /// Bars, discs and wedges floating on paper along a diagonal.
-fn bars(studio: &mut Studio) {
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
+fn bars(studio: &mut PaintingStudio) {
     let (paper, u) = (studio.pigments.paper(0.78), studio.unit);
     studio.canvas.each(|_, _| paper);
     let lean = studio.dice.unit();
     for _ in 0..studio.dice.count(10, 34) {
-        let at = Vec2::new(studio.dice.unit(), studio.dice.unit()) * size;
+        let at = studio.anywhere();
         let turn = if studio.dice.chance(0.75) {
             lean
         } else {
             lean + 0.25
         };
         let axis = direction(turn + studio.dice.bell() * 0.02);
-        let c = studio.pigments.pick(&studio.dice);
-        let (l, w) = (
-            studio.dice.range(10.0, 80.0) * u,
-            studio.dice.range(2.0, 22.0) * u,
-        );
+        let c = studio.pick();
+        let l = studio.dice.range(10.0, 80.0) * u;
+        let w = studio.dice.range(2.0, 22.0) * u;
         match studio.dice.index(5) {
             0 => studio.canvas.disc(at, w * 1.3, c, 0.95),
             1 => {
-                let tip = at + axis * l;
-                studio
-                    .canvas
-                    .polygon(&[tip, at + axis.perp() * w, at - axis.perp() * w], |_| {
-                        (c, 0.95)
-                    });
+                let corners = [at + axis * l, at + axis.perp() * w, at - axis.perp() * w];
+                studio.canvas.fill(&corners, c, 0.95);
             }
-            2 => studio.canvas.stroke(
-                &[at - axis * l, at + axis * l],
-                &Brush {
+            2 => {
+                let line = Brush {
                     taper: 0.0,
                     bristle: 0.0,
                     ..Brush::round(1.5 * u)
-                },
-                c,
-                1,
-            ),
+                };
+                let path = [at - axis * l, at + axis * l];
+                studio.canvas.stroke(&path, &line, c, 1);
+            }
             _ => {
                 let (a, b) = (axis * l * 0.5, axis.perp() * w * 0.5);
-                studio
-                    .canvas
-                    .polygon(&[at - a - b, at + a - b, at + a + b, at - a + b], |_| {
-                        (c, 0.95)
-                    });
+                let corners = [at - a - b, at + a - b, at + a + b, at - a + b];
+                studio.canvas.fill(&corners, c, 0.95);
             }
         }
     }
 }
 
 /// Undulating stripes whose width follows the sketch: optical art.
-fn stripes(studio: &mut Studio) {
+fn stripes(studio: &mut PaintingStudio) {
     let spacing = studio.dice.range(8.0, 22.0) * studio.unit;
     let across = studio.dice.heading();
     let (seed, u) = (studio.dice.bits(), studio.unit);
-    let inks: Vec<Vec3> = (0..studio.dice.count(2, 6))
-        .map(|_| studio.pigments.pick(&studio.dice))
-        .collect();
+    let inks = studio.picks(studio.dice.count(2, 6));
     let (dark, light) = (studio.pigments.dark(), studio.pigments.light());
     let bulge = studio.dice.range(0.0, 9.0);
     studio.canvas.each(|p, _| {
         let phase = p.dot(across) / spacing + fractal(p / (90.0 * u), 2, seed) * bulge;
         let lane = phase.floor();
         let c = inks[(hash_unit(lane as i32, 1, seed) * inks.len() as f32) as usize % inks.len()];
-        let base = if (lane as i32) & 1 == 0 {
-            light.lerp(c, 0.7)
+        let (base, next) = if (lane as i32) & 1 == 0 {
+            (light.lerp(c, 0.7), dark)
         } else {
-            dark.lerp(c, 0.6)
+            (dark.lerp(c, 0.6), light)
         };
-        let next = if (lane as i32) & 1 == 0 { dark } else { light };
         let edge = (1.0 - (phase - lane)) * spacing;
         base.lerp(next, 0.5 * (1.0 - edge.clamp(0.0, 1.0)))
     });

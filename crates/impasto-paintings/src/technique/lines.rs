@@ -1,6 +1,6 @@
 //! Prints: woodblock, engraving, linocut.
 
-use super::{Studio, textured};
+use super::studio::{PaintingStudio, textured};
 use crate::colour::lightness;
 use crate::maths::{direction, from_whole, mix, smoothstep};
 use crate::noise::{fractal, hash_unit, noise};
@@ -12,7 +12,7 @@ fn line(away: f32, half: f32) -> f32 {
 }
 
 /// Flat regions with graded inking, contour waves inside some, a key block of outlines, wood grain.
-pub(super) fn woodblock(studio: &mut Studio) {
+pub(super) fn woodblock(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let flats = studio.flats(0.7);
     let distance = studio.outlines(1.0);
@@ -87,7 +87,7 @@ impl Hatching {
 }
 
 /// Lines that swell with the shade and cross in the darks.
-pub(super) fn engraving(studio: &mut Studio) {
+pub(super) fn engraving(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let distance = studio.outlines(1.0);
     let (ink, paper) = (studio.pigments.ink(0.18), studio.pigments.paper(0.8));
@@ -122,7 +122,7 @@ pub(super) fn engraving(studio: &mut Studio) {
 }
 
 /// Two or three colours; gouge marks along the forms open the dark block.
-pub(super) fn linocut(studio: &mut Studio) {
+pub(super) fn linocut(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let tones = studio.stretched_tones();
     let distance = studio.outlines(1.0);
@@ -143,10 +143,8 @@ pub(super) fn linocut(studio: &mut Studio) {
         let phase = p.dot(across.normalize_or(Vec2::Y)) / spacing + bend;
         // Each gouge mark starts and stops: width varies along the line too.
         let lane = phase.round() as i32;
-        let cut = noise(
-            Vec2::new(p.dot(across.perp()) / (spacing * 3.5), lane as f32 * 3.7),
-            seed,
-        );
+        let along = p.dot(across.perp()) / (spacing * 3.5);
+        let cut = noise(Vec2::new(along, lane as f32 * 3.7), seed);
         let open = smoothstep(low - 0.15, high, tones[i]);
         let width = spacing * 0.5 * (open * 1.5 + cut * 0.9 - 0.65);
         let carved = line(from_whole(phase) * spacing, width.max(0.0));
@@ -158,17 +156,9 @@ pub(super) fn linocut(studio: &mut Studio) {
         };
         let rough = noise(p * 0.6 / u.max(0.5), seed ^ 3);
         let block = dark.lerp(sheet, smoothstep(0.86, 0.95, rough) * 0.6);
-        let c = block.lerp(
-            sheet,
-            carved.max(smoothstep(high - 0.04, high + 0.04, tones[i])),
-        );
-        c.lerp(
-            dark,
-            line(
-                distance[i],
-                1.1 * u * mix(0.5, 1.5, noise(p / (11.0 * u), seed)),
-            ),
-        )
+        let away = carved.max(smoothstep(high - 0.04, high + 0.04, tones[i]));
+        let key = 1.1 * u * mix(0.5, 1.5, noise(p / (11.0 * u), seed));
+        block.lerp(sheet, away).lerp(dark, line(distance[i], key))
     });
     let speck = studio.dice.range(0.0, 0.1);
     studio

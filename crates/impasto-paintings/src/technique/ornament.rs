@@ -1,6 +1,6 @@
 //! Gold ground covered with ornament, figures left soft.
 
-use super::{Studio, textured};
+use super::studio::{PaintingStudio, textured};
 use crate::canvas::Brush;
 use crate::colour::lightness;
 use crate::maths::{direction, from_whole, mix, smoothstep};
@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 const MOTIFS: u32 = 6;
 
 /// Gold behind and on some garments, motifs in cells, spirals on top, leaf seams and dabs of light.
-pub(super) fn gold_leaf(studio: &mut Studio) {
+pub(super) fn gold_leaf(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let seed = studio.dice.bits();
     let gold =
@@ -20,7 +20,7 @@ pub(super) fn gold_leaf(studio: &mut Studio) {
     let leaf = studio.dice.range(30.0, 60.0) * u;
     let share = studio.dice.range(0.3, 0.75);
     let flats = studio.flats(0.8);
-    let inks: Vec<Vec3> = (0..5).map(|_| studio.pigments.pick(&studio.dice)).collect();
+    let inks = studio.picks(5);
     let distance = studio.outlines(12.0);
     let dark = studio.pigments.ink(0.25);
     let sketch = &studio.sketch;
@@ -36,13 +36,8 @@ pub(super) fn gold_leaf(studio: &mut Studio) {
         if kind > share {
             return sketch.colour[i].lerp(sheen, 0.12 * noise(p / (6.0 * u), seed));
         }
-        let tile = cell(
-            p,
-            size * if kind < share * 0.5 { 1.0 } else { 0.6 },
-            0.35,
-            true,
-            seed ^ region as u32,
-        );
+        let spacing = size * if kind < share * 0.5 { 1.0 } else { 0.6 };
+        let tile = cell(p, spacing, 0.35, true, seed ^ region as u32);
         let field = if kind < share * 0.4 {
             sheen
         } else {
@@ -72,11 +67,8 @@ pub(super) fn gold_leaf(studio: &mut Studio) {
 fn gilded(p: Vec2, gold: Vec3, leaf: f32, seed: u32) -> Vec3 {
     let square = (p / leaf).floor();
     let own = hash_unit(square.x as i32, square.y as i32, seed);
-    let seam = smoothstep(
-        0.0,
-        0.03,
-        from_whole(p.x / leaf).min(from_whole(p.y / leaf)),
-    );
+    let to_seam = from_whole(p.x / leaf).min(from_whole(p.y / leaf));
+    let seam = smoothstep(0.0, 0.03, to_seam);
     let shine = fractal(p / (leaf * 0.7), 4, seed);
     let c = gold * mix(0.82, 1.1, own) * mix(0.8, 1.0, seam) * mix(0.65, 1.35, shine);
     let c = c + Vec3::new(1.0, 0.9, 0.6) * smoothstep(0.62, 0.8, shine) * 0.25;
@@ -105,18 +97,14 @@ fn motif(p: Vec2, tile: &Cell, reach: f32, unit: f32) -> f32 {
 }
 
 /// Curling tendrils in relief.
-fn spirals(studio: &mut Studio, dark: Vec3, gold: Vec3) {
+fn spirals(studio: &mut PaintingStudio, dark: Vec3, gold: Vec3) {
     let u = studio.unit;
     let bright = gold.lerp(Vec3::new(1.0, 0.92, 0.66), 0.5);
-    let area = (studio.canvas.width * studio.canvas.height) as f32 / (u * u) / 65_536.0;
-    let n = (area * studio.dice.range(0.0, 45.0)) as usize;
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
+    let n = (studio.area() * studio.dice.range(0.0, 45.0)) as usize;
     for _ in 0..n {
-        let centre = Vec2::new(studio.dice.unit(), studio.dice.unit()) * size;
-        let (r, spin) = (
-            studio.dice.range(8.0, 20.0) * u,
-            if studio.dice.chance(0.5) { 1.0 } else { -1.0 },
-        );
+        let centre = studio.anywhere();
+        let r = studio.dice.range(8.0, 20.0) * u;
+        let spin = if studio.dice.chance(0.5) { 1.0 } else { -1.0 };
         let start = studio.dice.unit();
         let path: Vec<Vec2> = (0..22)
             .map(|k| {
@@ -135,6 +123,6 @@ fn spirals(studio: &mut Studio, dark: Vec3, gold: Vec3) {
             taper: 0.3,
             ..Brush::round(2.2 * u)
         };
-        studio.canvas.stroke(&path, &brush, c, studio.dice.bits());
+        studio.stroke(&path, &brush, c);
     }
 }

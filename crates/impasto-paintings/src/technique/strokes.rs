@@ -1,7 +1,7 @@
 //! Techniques of brush strokes laid in passes, coarse to fine.
 
-use super::Studio;
 use super::contours::Contour;
+use super::studio::{PaintingStudio, textured};
 use crate::canvas::Brush;
 use crate::colour::{hue_turned, lightness, saturated};
 use crate::maths::{direction, from_whole, mix, smoothstep, turned};
@@ -24,20 +24,21 @@ pub(super) struct Pass {
 }
 
 impl Pass {
-    /// Round strokes `width` wide and `length` widths long that cover the canvas.
-    pub(super) fn covering(width: f32, length: f32) -> Self {
+    /// Round strokes `width` wide and `length` widths long that cover the canvas, or what of it has
+    /// at least some `detail`.
+    pub(super) fn covering(width: f32, length: f32, detail: f32) -> Self {
         Self {
             brush: Brush::round(width),
             length: width * length,
             spacing: width * 0.75,
             wander: 0.06,
-            detail: 0.0,
+            detail,
             clip: 0.35,
         }
     }
 }
 
-impl Studio {
+impl PaintingStudio {
     /// Lays a pass. `field` gives the direction at a point; `mix_paint` the load for a sketch colour.
     pub(super) fn lay(
         &mut self,
@@ -109,12 +110,6 @@ impl Studio {
         path
     }
 
-    pub(super) fn along(&self, p: Vec2) -> Vec2 {
-        self.sketch.flow[self.sketch.index(p)]
-    }
-}
-
-impl Studio {
     /// Brush lines along the outlines of larger things.
     fn brush_lines(&mut self, width: f32, ink: Vec3, share: f32) {
         let brush = Brush {
@@ -134,49 +129,45 @@ impl Studio {
 }
 
 /// Three passes of short broken strokes with bits of the complement.
-pub(super) fn impressionist(studio: &mut Studio) {
+pub(super) fn impressionist(studio: &mut PaintingStudio) {
     let ground = studio.pigments.tone(studio.dice.range(0.4, 1.0));
     studio.canvas.each(|_, _| ground);
     let wander = studio.dice.range(0.02, 0.16);
     let broken = studio.dice.range(0.5, 1.0);
     let relief = studio.dice.range(0.0, 0.16);
     let length = studio.dice.range(1.6, 3.6);
-    let broken_paint = move |s: &Studio, c: Vec3| {
+    let broken_paint = move |s: &PaintingStudio, c: Vec3| {
         let c = if s.dice.chance(0.07) {
             hue_turned(c, 0.5).lerp(c, 0.3)
         } else {
             c
         };
-        s.pigments.broken(c, broken, &s.dice)
+        s.broken(c, broken)
     };
     for (width, detail) in [(12.0, 0.0), (7.5, 0.06), (4.8, 0.13)] {
-        let mut pass = Pass::covering(width * studio.unit, length);
+        let mut pass = Pass::covering(width * studio.unit, length, detail);
         pass.brush.relief = relief;
         pass.brush.bristle = 0.4;
         pass.wander = wander;
-        pass.detail = detail;
-        studio.lay(&pass, Studio::along, broken_paint);
+        studio.lay(&pass, PaintingStudio::along, broken_paint);
     }
     studio.canvas.light_relief(studio.light, 0.3, 0.25);
 }
 
 /// Long thick strokes around whirls, alternating light and dark.
-pub(super) fn swirl(studio: &mut Studio) {
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
+pub(super) fn swirl(studio: &mut PaintingStudio) {
+    let size = studio.size();
     let whirls: Vec<(Vec2, f32, f32)> = (0..studio.dice.count(3, 8))
         .map(|_| {
             let centre = Vec2::new(studio.dice.unit(), studio.dice.range(0.0, 0.8)) * size;
             let spin = if studio.dice.chance(0.5) { 1.0 } else { -1.0 };
-            (
-                centre,
-                size.min_element() * studio.dice.range(0.08, 0.22),
-                spin,
-            )
+            let reach = size.min_element() * studio.dice.range(0.08, 0.22);
+            (centre, reach, spin)
         })
         .collect();
     let seed = studio.dice.bits();
     let period = size.min_element() * 0.4;
-    let field = |s: &Studio, p: Vec2| {
+    let field = |s: &PaintingStudio, p: Vec2| {
         let mut d = s.along(p) * 0.35 + direction(noise(p / period, seed) * 1.4) * 0.45;
         for (centre, reach, spin) in &whirls {
             let arm = p - *centre;
@@ -190,37 +181,35 @@ pub(super) fn swirl(studio: &mut Studio) {
     let swing = studio.dice.range(0.2, 0.45);
     let length = studio.dice.range(3.5, 7.0);
     for (width, detail) in [(11.0, 0.0), (6.5, 0.0), (4.5, 0.1)] {
-        let mut pass = Pass::covering(width * studio.unit, length);
+        let mut pass = Pass::covering(width * studio.unit, length, detail);
         pass.brush = Brush {
             bristle: 0.45,
             relief: 0.16,
             taper: 0.3,
             ..pass.brush
         };
-        pass.detail = detail;
         pass.clip = 0.4;
         pass.wander = 0.015;
         studio.lay(&pass, field, |s, c| {
             let lifted = c * (1.0 + s.dice.sway() * swing) + s.dice.sway() * 0.06;
-            s.pigments
-                .broken(lifted.clamp(Vec3::ZERO, Vec3::ONE), 0.5, &s.dice)
+            s.broken(lifted.clamp(Vec3::ZERO, Vec3::ONE), 0.5)
         });
     }
     studio.canvas.light_relief(studio.light, 0.3, 0.3);
 }
 
 /// Big flat patches of pure colour, gaps of bare ground, coloured contours.
-pub(super) fn fauvist(studio: &mut Studio) {
+pub(super) fn fauvist(studio: &mut PaintingStudio) {
     let ground = studio.pigments.paper(0.85);
     let seed = studio.dice.bits();
     studio
         .canvas
-        .each(|p, _| super::textured(ground, noise(p * 0.7, seed), 0.05));
+        .each(|p, _| textured(ground, noise(p * 0.7, seed), 0.05));
     let shift = studio.dice.range(-0.12, 0.12);
     let push = studio.dice.range(1.2, 1.8);
     let gaps = studio.dice.range(0.6, 0.95);
     for (width, length, detail) in [(17.0, 2.0, 0.0), (10.0, 2.0, 0.08), (5.5, 2.5, 0.14)] {
-        let mut pass = Pass::covering(width * studio.unit, length);
+        let mut pass = Pass::covering(width * studio.unit, length, detail);
         pass.brush = Brush {
             bristle: 0.3,
             taper: 0.15,
@@ -229,13 +218,12 @@ pub(super) fn fauvist(studio: &mut Studio) {
             ..pass.brush
         };
         pass.spacing = width * studio.unit * gaps;
-        pass.detail = detail;
         pass.wander = 0.08;
         pass.clip = 0.28;
-        studio.lay(&pass, Studio::along, |s, c| {
+        studio.lay(&pass, PaintingStudio::along, |s, c| {
             let pure = saturated(hue_turned(c, shift), push).clamp(Vec3::ZERO, Vec3::ONE);
             let pure = pure.lerp(s.pigments.nearest(pure), 0.65);
-            s.pigments.broken(pure, 0.4, &s.dice)
+            s.broken(pure, 0.4)
         });
     }
     let ink = studio.pigments.ink(0.22);
@@ -245,18 +233,18 @@ pub(super) fn fauvist(studio: &mut Studio) {
 }
 
 /// Angular slashes in clashing colours with black contours.
-pub(super) fn expressionist(studio: &mut Studio) {
+pub(super) fn expressionist(studio: &mut PaintingStudio) {
     let dark = studio.pigments.ink(0.15);
     studio.canvas.each(|_, _| dark);
     let (seed, size) = (studio.dice.bits(), 46.0 * studio.unit);
-    let angular = |s: &Studio, p: Vec2| {
+    let angular = |s: &PaintingStudio, p: Vec2| {
         // One direction per facet, near the form's own.
         let id = cell(p, size, 1.0, false, seed).id;
         turned(s.along(p), ((id >> 8) & 7) as f32 / 8.0 * 0.3 - 0.15)
     };
     let clash = studio.dice.range(0.5, 1.0);
     for (width, detail) in [(12.0, 0.0), (6.5, 0.1)] {
-        let mut pass = Pass::covering(width * studio.unit, 4.0);
+        let mut pass = Pass::covering(width * studio.unit, 4.0, detail);
         pass.brush = Brush {
             bristle: 0.6,
             taper: 0.1,
@@ -265,7 +253,6 @@ pub(super) fn expressionist(studio: &mut Studio) {
             square: true,
             ..pass.brush
         };
-        pass.detail = detail;
         pass.clip = 0.3;
         studio.lay(&pass, angular, |s, c| {
             let strong = ((saturated(c, 1.3) - 0.5) * 1.2 + 0.5).clamp(Vec3::ZERO, Vec3::ONE);
@@ -274,7 +261,7 @@ pub(super) fn expressionist(studio: &mut Studio) {
             } else {
                 strong
             };
-            s.pigments.broken(other, clash, &s.dice)
+            s.broken(other, clash)
         });
     }
     studio.brush_lines(2.8 * studio.unit, dark, 0.75);
@@ -282,62 +269,23 @@ pub(super) fn expressionist(studio: &mut Studio) {
 }
 
 /// Fine strokes, one pool of light, dark glaze, weave and cracks.
-pub(super) fn old_master(studio: &mut Studio) {
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
-    let focus = Vec2::new(studio.dice.range(0.3, 0.7), studio.dice.range(0.25, 0.6)) * size;
-    let reach = size.length() * studio.dice.range(0.25, 0.5);
-    let floor = studio.dice.range(0.12, 0.5);
-    let glaze = studio
-        .pigments
-        .ink(0.12)
-        .lerp(Vec3::new(0.09, 0.06, 0.035), 0.5);
-    let width = studio.sketch.width;
-    for (i, c) in studio.sketch.colour.iter_mut().enumerate() {
-        let p = Vec2::new((i % width) as f32, (i / width) as f32);
-        let light = mix(
-            floor,
-            1.0,
-            1.0 / (1.0 + (p - focus).length_squared() / (reach * reach) * 1.5),
-        );
-        *c = glaze.lerp(saturated(*c, 0.85), smoothstep(0.0, 1.0, light));
-    }
+pub(super) fn old_master(studio: &mut PaintingStudio) {
+    let glaze = pool_of_light(studio);
     studio.canvas.each(|_, _| glaze);
     for (stroke, opacity, detail) in [(9.0, 0.9, 0.0), (5.0, 0.7, 0.02), (2.8, 0.7, 0.07)] {
-        let mut pass = Pass::covering(stroke * studio.unit, 3.0);
+        let mut pass = Pass::covering(stroke * studio.unit, 3.0, detail);
         pass.brush = Brush {
             opacity,
             bristle: 0.2,
             ..pass.brush
         };
-        pass.detail = detail;
         pass.clip = 0.16;
-        studio.lay(&pass, Studio::along, |s, c| {
-            s.pigments.broken(c, 0.15, &s.dice)
-        });
+        studio.lay(&pass, PaintingStudio::along, |s, c| s.broken(c, 0.15));
     }
     // Glazing evens the strokes out; the brush shows again only in the lights.
     let evened = studio.dice.range(0.0, 1.7) * studio.unit;
     studio.canvas.blur(evened as usize);
-    let bright = studio.dice.range(0.5, 0.75);
-    let body = studio.dice.range(0.0, 0.12);
-    let tones = studio.sketch.tones();
-    for p in studio.scatter(6.0 * studio.unit) {
-        let i = studio.sketch.index(p);
-        if tones[i] > bright && studio.sketch.detail(p, 4.0 * studio.unit) < 0.1 {
-            let half = studio.along(p) * 4.0 * studio.unit;
-            let c = studio
-                .pigments
-                .broken(studio.sketch.colour[i] * 1.05, 0.12, &studio.dice);
-            let brush = Brush {
-                opacity: 0.7,
-                relief: body,
-                ..Brush::round(4.0 * studio.unit)
-            };
-            studio
-                .canvas
-                .stroke(&[p - half, p + half], &brush, c, studio.dice.bits());
-        }
-    }
+    body_colour(studio);
     studio.canvas.light_relief(studio.light, 0.3, 0.1);
     let (crack, seed) = (studio.dice.unit() * 0.3, studio.dice.bits());
     let (cells, unit) = (20.0 * studio.unit, studio.unit);
@@ -349,8 +297,46 @@ pub(super) fn old_master(studio: &mut Studio) {
     });
 }
 
+/// Darkens the sketch away from one place; tells the glaze that it does so with.
+fn pool_of_light(studio: &mut PaintingStudio) -> Vec3 {
+    let size = studio.size();
+    let focus = Vec2::new(studio.dice.range(0.3, 0.7), studio.dice.range(0.25, 0.6)) * size;
+    let reach = size.length() * studio.dice.range(0.25, 0.5);
+    let floor = studio.dice.range(0.12, 0.5);
+    let umber = Vec3::new(0.09, 0.06, 0.035);
+    let glaze = studio.pigments.ink(0.12).lerp(umber, 0.5);
+    let width = studio.sketch.width;
+    for (i, c) in studio.sketch.colour.iter_mut().enumerate() {
+        let p = Vec2::new((i % width) as f32, (i / width) as f32);
+        let away = (p - focus).length_squared() / (reach * reach);
+        let light = mix(floor, 1.0, 1.0 / (1.0 + away * 1.5));
+        *c = glaze.lerp(saturated(*c, 0.85), smoothstep(0.0, 1.0, light));
+    }
+    glaze
+}
+
+/// Thick touches in the lights.
+fn body_colour(studio: &mut PaintingStudio) {
+    let bright = studio.dice.range(0.5, 0.75);
+    let relief = studio.dice.range(0.0, 0.12);
+    let tones = studio.sketch.tones();
+    let brush = Brush {
+        opacity: 0.7,
+        relief,
+        ..Brush::round(4.0 * studio.unit)
+    };
+    for p in studio.scatter(6.0 * studio.unit) {
+        let i = studio.sketch.index(p);
+        if tones[i] > bright && studio.sketch.detail(p, 4.0 * studio.unit) < 0.1 {
+            let half = studio.along(p) * 4.0 * studio.unit;
+            let c = studio.broken(studio.sketch.colour[i] * 1.05, 0.12);
+            studio.stroke(&[p - half, p + half], &brush, c);
+        }
+    }
+}
+
 /// Opaque matt paint: few tones per form, crisp edges, dry drags of the brush.
-pub(super) fn gouache(studio: &mut Studio) {
+pub(super) fn gouache(studio: &mut PaintingStudio) {
     let steps = studio.dice.range(3.0, 6.0).floor();
     let flats = studio.flats(0.5);
     for (c, r) in studio.sketch.colour.iter_mut().zip(&studio.sketch.region) {
@@ -361,7 +347,7 @@ pub(super) fn gouache(studio: &mut Studio) {
     }
     let sketch = &studio.sketch;
     studio.canvas.each(|p, _| sketch.at(p));
-    let mut pass = Pass::covering(9.0 * studio.unit, 4.5);
+    let mut pass = Pass::covering(9.0 * studio.unit, 4.5, 0.0);
     pass.brush = Brush {
         bristle: 0.35,
         grain: 0.45,
@@ -372,11 +358,9 @@ pub(super) fn gouache(studio: &mut Studio) {
     pass.wander = 0.02;
     pass.clip = 0.1;
     let broken = studio.dice.range(0.2, 0.55);
-    studio.lay(&pass, Studio::along, |s, c| {
-        s.pigments.broken(c, broken, &s.dice)
-    });
+    studio.lay(&pass, PaintingStudio::along, |s, c| s.broken(c, broken));
     let seed = studio.dice.bits();
     studio
         .canvas
-        .each(|p, c| super::textured(c, noise(p * 0.8, seed), 0.03));
+        .each(|p, c| textured(c, noise(p * 0.8, seed), 0.03));
 }

@@ -1,8 +1,9 @@
 //! Pictures built of pieces: mosaic, stained glass, cubist facets, tapestry.
 
-use super::{Studio, textured};
+use super::studio::{PaintingStudio, textured};
+use crate::canvas::{Brush, bounds};
 use crate::colour::saturated;
-use crate::maths::{from_whole, mix, smoothstep, wave};
+use crate::maths::{direction, from_whole, mix, smoothstep, wave};
 use crate::noise::{Cell, cell, drift, fractal, hash_unit, noise};
 use glam::{Vec2, Vec3};
 
@@ -11,7 +12,7 @@ fn own(cell: &Cell, k: u32) -> f32 {
 }
 
 /// Tesserae of slightly varied colour and tilt, bent rows, grout between.
-pub(super) fn mosaic(studio: &mut Studio) {
+pub(super) fn mosaic(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let size = (studio.dice.range(6.0, 10.5) * u).max(2.0);
     let seed = studio.dice.bits();
@@ -48,7 +49,7 @@ pub(super) fn mosaic(studio: &mut Studio) {
 }
 
 /// Panes of saturated glass, brighter in the middle, in black lead.
-pub(super) fn stained_glass(studio: &mut Studio) {
+pub(super) fn stained_glass(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let size = (studio.dice.range(22.0, 42.0) * u).max(3.0);
     let lead = (studio.dice.range(1.0, 2.2) * u).max(0.6);
@@ -70,11 +71,8 @@ pub(super) fn stained_glass(studio: &mut Studio) {
             base
         };
         let pure = saturated(swapped, push).clamp(Vec3::splat(0.03), Vec3::ONE);
-        let streak = fractal(
-            Vec2::new(p.x / (5.0 * u), p.y / (18.0 * u)),
-            3,
-            seed ^ key as u32,
-        );
+        let blown = Vec2::new(p.x / (5.0 * u), p.y / (18.0 * u));
+        let streak = fractal(blown, 3, seed ^ key as u32);
         let deep = smoothstep(0.0, size * 0.3, pane.border.min(distance[i]));
         let glow =
             mix(0.6, 1.2, deep) * mix(0.75, 1.25, hash_unit(key, 2, seed)) * mix(0.8, 1.2, streak);
@@ -86,15 +84,11 @@ pub(super) fn stained_glass(studio: &mut Studio) {
 }
 
 /// Convex pieces of the picture, shifted against one another, shaded from one edge.
-pub(super) fn cubist(studio: &mut Studio) {
-    let (w, h) = (studio.canvas.width as f32, studio.canvas.height as f32);
+pub(super) fn cubist(studio: &mut PaintingStudio) {
+    let Vec2 { x: w, y: h } = studio.size();
     let u = studio.unit;
-    let whole = vec![
-        Vec2::ZERO,
-        Vec2::new(w, 0.0),
-        Vec2::new(w, h),
-        Vec2::new(0.0, h),
-    ];
+    let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]];
+    let whole = corners.map(Vec2::from).to_vec();
     let lead = studio.dice.unit();
     let mut facets = Vec::new();
     let least = studio.dice.range(14.0, 26.0) * u;
@@ -108,10 +102,8 @@ pub(super) fn cubist(studio: &mut Studio) {
         let normal = studio.dice.heading();
         let middle = facet.iter().sum::<Vec2>() / facet.len() as f32;
         let reach = facet.iter().map(|p| p.distance(middle)).fold(1.0, f32::max);
-        let (flat, strength) = (
-            studio.sketch.at(middle + offset),
-            studio.dice.range(0.1, 0.6),
-        );
+        let flat = studio.sketch.at(middle + offset);
+        let strength = studio.dice.range(0.1, 0.6);
         let own = studio
             .pigments
             .nearest(flat)
@@ -123,10 +115,8 @@ pub(super) fn cubist(studio: &mut Studio) {
             let seen = saturated(sketch.at(p + offset).lerp(own, 0.4), muted);
             let t = ((p - middle).dot(normal) / reach * 0.5 + 0.5).clamp(0.0, 1.0);
             let c = seen.lerp(side, t * t * strength);
-            let touch = noise(
-                Vec2::new(p.dot(grain) / (9.0 * u), p.dot(normal) / (2.6 * u)),
-                seed ^ k as u32,
-            );
+            let stroked = Vec2::new(p.dot(grain) / (9.0 * u), p.dot(normal) / (2.6 * u));
+            let touch = noise(stroked, seed ^ k as u32);
             (textured(c, touch, 0.14).clamp(Vec3::ZERO, Vec3::ONE), 1.0)
         });
     }
@@ -134,12 +124,12 @@ pub(super) fn cubist(studio: &mut Studio) {
     for facet in &facets {
         for k in 0..facet.len() {
             if studio.dice.chance(0.45) {
-                let brush = crate::canvas::Brush {
+                let brush = Brush {
                     opacity: studio.dice.range(0.3, 0.9),
-                    ..crate::canvas::Brush::round(studio.dice.range(0.8, 2.0) * u)
+                    ..Brush::round(studio.dice.range(0.8, 2.0) * u)
                 };
                 let path = [facet[k], facet[(k + 1) % facet.len()]];
-                studio.canvas.stroke(&path, &brush, ink, studio.dice.bits());
+                studio.stroke(&path, &brush, ink);
             }
         }
     }
@@ -147,14 +137,14 @@ pub(super) fn cubist(studio: &mut Studio) {
 
 /// Cuts a convex polygon by lines near its middle until the pieces are about `least` across.
 fn split(
-    studio: &Studio,
+    studio: &PaintingStudio,
     piece: Vec<Vec2>,
     least: f32,
     lead: f32,
     depth: usize,
     out: &mut Vec<Vec<Vec2>>,
 ) {
-    let (low, high) = crate::canvas::bounds(&piece, 0.0);
+    let (low, high) = bounds(&piece, 0.0);
     let extent = high - low;
     let target = least * studio.dice.range(1.0, 2.6);
     if depth > 9 || extent.min_element() < least || extent.max_element() < target {
@@ -164,7 +154,7 @@ fn split(
     let middle = piece.iter().sum::<Vec2>() / piece.len() as f32;
     // Most cuts share two leading diagonals, as scaffolding lines do.
     let side = if studio.dice.chance(0.5) { 0.22 } else { 0.0 };
-    let normal = crate::maths::direction(lead + side + studio.dice.bell() * 0.07);
+    let normal = direction(lead + side + studio.dice.bell() * 0.07);
     let at = middle + studio.dice.heading() * extent.min_element() * 0.15;
     let (mut near, mut far) = (Vec::new(), Vec::new());
     for (k, &a) in piece.iter().enumerate() {
@@ -190,7 +180,7 @@ fn split(
 }
 
 /// Horizontal threads of few dyes, beaten over vertical ribs.
-pub(super) fn tapestry(studio: &mut Studio) {
+pub(super) fn tapestry(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let thread = (studio.dice.range(2.6, 4.2) * u).max(1.6);
     let rib = thread * studio.dice.range(1.2, 3.5);

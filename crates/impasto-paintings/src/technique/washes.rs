@@ -1,10 +1,10 @@
 //! Thin paint on absorbent grounds: ink wash, watercolour, fresco.
 
 use super::contours::Contour;
-use super::{Studio, textured};
-use crate::canvas::{Brush, box_blur};
+use super::studio::{PaintingStudio, textured};
+use crate::canvas::Brush;
 use crate::colour::{lightness, saturated};
-use crate::maths::{direction, mix, smoothstep};
+use crate::maths::{direction, from_whole, mix, smoothstep};
 use crate::noise::{cell, drift, fractal, hash_unit, noise};
 use glam::{Vec2, Vec3};
 
@@ -39,16 +39,10 @@ impl Washes {
 }
 
 /// Transparent colour in layers with wet edges, granulation, blooms and white paper.
-pub(super) fn watercolour(studio: &mut Studio) {
+pub(super) fn watercolour(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let paper = studio.pigments.paper(0.92);
-    let mut soaked = studio.sketch.colour.clone();
-    box_blur(
-        &mut soaked,
-        studio.sketch.width,
-        studio.sketch.height,
-        (studio.dice.range(0.5, 3.0) * u) as usize,
-    );
+    let soaked = studio.soaked(studio.dice.range(0.5, 3.0) * u);
     let seed = studio.dice.bits();
     let washes = Washes {
         layers: studio.dice.count(2, 4),
@@ -87,7 +81,7 @@ pub(super) fn watercolour(studio: &mut Studio) {
     splashes(studio, 14);
 }
 
-fn pen_lines(studio: &mut Studio, ink: Vec3) {
+fn pen_lines(studio: &mut PaintingStudio, ink: Vec3) {
     let brush = Brush {
         opacity: 0.8,
         ..Brush::round(0.9 * studio.unit)
@@ -104,29 +98,21 @@ fn pen_lines(studio: &mut Studio, ink: Vec3) {
 }
 
 /// Drops thrown from a loaded brush.
-fn splashes(studio: &mut Studio, most: usize) {
-    let size = Vec2::new(studio.canvas.width as f32, studio.canvas.height as f32);
+fn splashes(studio: &mut PaintingStudio, most: usize) {
     for _ in 0..studio.dice.count(0, most) {
-        let p = Vec2::new(studio.dice.unit(), studio.dice.unit()) * size;
+        let p = studio.anywhere();
         let t = studio.dice.unit();
-        let c = studio.pigments.pick(&studio.dice);
-        studio
-            .canvas
-            .disc(p, (0.7 + 3.0 * t * t) * studio.unit, c, 0.5);
+        let c = studio.pick();
+        let radius = (0.7 + 3.0 * t * t) * studio.unit;
+        studio.canvas.disc(p, radius, c, 0.5);
     }
 }
 
 /// Grey washes, mist, black brush lines, dry brush, a red seal.
-pub(super) fn ink_wash(studio: &mut Studio) {
+pub(super) fn ink_wash(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let (ink, paper) = (studio.pigments.ink(0.13), studio.pigments.paper(0.86));
-    let mut soaked = studio.sketch.colour.clone();
-    box_blur(
-        &mut soaked,
-        studio.sketch.width,
-        studio.sketch.height,
-        (studio.dice.range(2.0, 5.0) * u) as usize,
-    );
+    let soaked = studio.soaked(studio.dice.range(2.0, 5.0) * u);
     let seed = studio.dice.bits();
     let washes = Washes {
         layers: studio.dice.count(2, 5),
@@ -174,12 +160,9 @@ pub(super) fn ink_wash(studio: &mut Studio) {
 }
 
 /// A carved red seal near the foot of the picture.
-fn seal(studio: &mut Studio, paper: Vec3, seed: u32) {
+fn seal(studio: &mut PaintingStudio, paper: Vec3, seed: u32) {
     let u = studio.unit;
-    let corner = Vec2::new(
-        studio.dice.range(0.06, 0.9) * studio.canvas.width as f32,
-        studio.canvas.height as f32 * 0.85,
-    );
+    let corner = Vec2::new(studio.dice.range(0.06, 0.9), 0.85) * studio.size();
     let red = Vec3::new(0.7, 0.16, 0.12);
     let side = 9.0 * u;
     let seal = [
@@ -195,7 +178,7 @@ fn seal(studio: &mut Studio, paper: Vec3, seed: u32) {
 }
 
 /// Pale matt pigment, hatched modelling, stains, cracks and lost plaster.
-pub(super) fn fresco(studio: &mut Studio) {
+pub(super) fn fresco(studio: &mut PaintingStudio) {
     let u = studio.unit;
     let seed = studio.dice.bits();
     let plaster = studio
@@ -205,10 +188,8 @@ pub(super) fn fresco(studio: &mut Studio) {
     let (fade, chalky) = (studio.dice.range(0.1, 0.4), studio.dice.range(0.6, 1.0));
     let lost = studio.dice.range(0.64, 0.95);
     let crack = studio.dice.range(0.2, 0.7);
-    let (blocks, hatch) = (
-        studio.dice.range(40.0, 90.0) * u,
-        studio.dice.range(2.6, 4.5) * u,
-    );
+    let blocks = studio.dice.range(40.0, 90.0) * u;
+    let hatch = studio.dice.range(2.6, 4.5) * u;
     let distance = studio.outlines(1.0);
     let earth = studio
         .pigments
@@ -220,23 +201,15 @@ pub(super) fn fresco(studio: &mut Studio) {
         let mut c = saturated(sketch.colour[i], chalky).lerp(plaster, fade);
         let across = direction(hash_unit(i32::from(sketch.region[i]), 3, seed));
         let phase = p.dot(across) / hatch + fractal(p / (8.0 * hatch), 2, seed) * 3.0;
-        c *= mix(
-            0.9,
-            1.08,
-            smoothstep(0.1, 0.4, crate::maths::from_whole(phase)),
-        );
+        c *= mix(0.9, 1.08, smoothstep(0.1, 0.4, from_whole(phase)));
         c = c.lerp(earth, smoothstep(1.4 * u, 0.3 * u, distance[i]) * 0.55);
         let stain = fractal(p / (35.0 * u), 4, seed ^ 2);
         c = textured(c, stain, 0.22);
         let worn = fractal(p / (26.0 * u), 5, seed ^ 4);
-        c = c.lerp(
-            textured(plaster, noise(p * 0.4, seed), 0.12),
-            smoothstep(lost - 0.02, lost + 0.02, worn),
-        );
-        c = c.lerp(
-            plaster,
-            smoothstep(lost - 0.2, lost, worn) * 0.4 * noise(p * 0.8, seed),
-        );
+        let bare = textured(plaster, noise(p * 0.4, seed), 0.12);
+        c = c.lerp(bare, smoothstep(lost - 0.02, lost + 0.02, worn));
+        let rubbed = smoothstep(lost - 0.2, lost, worn) * 0.4 * noise(p * 0.8, seed);
+        c = c.lerp(plaster, rubbed);
         let bent = p + drift(p / (11.0 * u), 3, seed ^ 6) * 9.0 * u;
         let gap = cell(bent, blocks, 1.0, false, seed).border;
         let thin = noise(p / (25.0 * u), seed ^ 8);

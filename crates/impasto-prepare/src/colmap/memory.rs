@@ -19,21 +19,15 @@ pub(crate) fn extraction_threads(photos: &[Taken], cores: usize) -> usize {
             w * h * (LONGEST / w.max(h)).min(1.0).powi(2)
         })
         .fold(1.0, f64::max);
-    match free() {
-        Some(bytes) => {
-            let fit = (SHARE * bytes / (BYTES_PER_PIXEL * largest)) as usize;
-            fit.clamp(1, cores)
-        }
-        None => cores,
-    }
+    let fit = |bytes: f64| (SHARE * bytes / (BYTES_PER_PIXEL * largest)) as usize;
+    free().map_or(cores, |bytes| fit(bytes).clamp(1, cores))
 }
 
 /// Bytes of memory that can be had without swapping, where the system tells.
 fn free() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text
-        .lines()
-        .find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let mut lines = text.lines();
+    let line = lines.find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kibibytes: f64 = line.split_whitespace().next()?.parse().ok()?;
     Some(1024.0 * kibibytes)
 }

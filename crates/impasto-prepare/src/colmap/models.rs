@@ -1,16 +1,18 @@
 //! The models that COLMAP made.
 
+use std::cmp::Reverse;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use impasto_scene::colmap_photo_names;
 
 use crate::error::PrepareError;
-use crate::log::Log;
+use crate::listing::paths_in;
+use crate::log::CommandLog;
 
 /// One of COLMAP's models.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Model {
+pub(crate) struct SparseModel {
     /// Its folder.
     pub(crate) folder: PathBuf,
     /// Names of the photos that it has poses for, sorted.
@@ -18,22 +20,16 @@ pub(crate) struct Model {
 }
 
 /// All models in the folder `models`, the one with the most photos first.
-pub(crate) fn models(models: &Path, log: &Log) -> Result<Vec<Model>, PrepareError> {
+pub(crate) fn models(models: &Path, log: &CommandLog) -> Result<Vec<SparseModel>, PrepareError> {
     let mut found = Vec::new();
-    for entry in fs::read_dir(models).map_err(PrepareError::read(models))? {
-        let folder = entry.map_err(PrepareError::read(models))?.path();
+    for folder in paths_in(models)? {
         if folder.join("images.bin").is_file() {
-            let photos = colmap_photo_names(&folder).map_err(|source| PrepareError::Scene {
-                source,
-                log: log.destination().to_owned(),
-            })?;
-            found.push(Model { folder, photos });
+            let photos = colmap_photo_names(&folder).map_err(|source| log.unusable(source))?;
+            found.push(SparseModel { folder, photos });
         }
     }
-    found.sort_by(|a, b| {
-        let size = b.photos.len().cmp(&a.photos.len());
-        size.then_with(|| a.folder.cmp(&b.folder))
-    });
+    // Of two equals the one whose folder comes first stays first.
+    found.sort_by_key(|model| Reverse(model.photos.len()));
     Ok(found)
 }
 

@@ -4,10 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::Path;
 
-use super::Words;
-use crate::child::{Program, Run};
+use crate::child::{Program, ProgramOutcome};
 use crate::error::PrepareError;
-use crate::log::Log;
+use crate::log::CommandLog;
 
 /// The commands that are used.
 const COMMANDS: [&str; 5] = [
@@ -29,7 +28,7 @@ pub(crate) struct Colmap<'a> {
 
 impl<'a> Colmap<'a> {
     /// Asks the program what it can do.
-    pub(crate) fn new(path: &'a Path, log: &mut Log) -> Result<Self, PrepareError> {
+    pub(crate) fn new(path: &'a Path, log: &mut CommandLog) -> Result<Self, PrepareError> {
         let program = Program {
             name: "COLMAP",
             path,
@@ -62,34 +61,13 @@ impl<'a> Colmap<'a> {
             options,
         })
     }
-
-    /// Runs a command to its end; also tells what to call it in messages.
-    pub(super) fn run(
-        &self,
-        arguments: &Arguments<'_>,
-        log: &mut Log,
-        line: &mut dyn FnMut(&str),
-    ) -> Result<(String, Run), PrepareError> {
-        let run = self.program.run(&arguments.words, log, line)?;
-        Ok((self.program.command(&arguments.words), run))
-    }
-
-    /// Runs a command, which must succeed.
-    pub(super) fn succeed(
-        &self,
-        arguments: &Arguments<'_>,
-        log: &mut Log,
-        line: &mut dyn FnMut(&str),
-    ) -> Result<(), PrepareError> {
-        self.program.succeed(&arguments.words, log, line)
-    }
 }
 
 /// A command line in the making.
 pub(super) struct Arguments<'a> {
     colmap: &'a Colmap<'a>,
     command: &'static str,
-    words: Words,
+    words: Vec<OsString>,
 }
 
 impl<'a> Arguments<'a> {
@@ -99,6 +77,29 @@ impl<'a> Arguments<'a> {
             command,
             words: vec![command.into()],
         }
+    }
+
+    /// Runs the command to its end, however it ends.
+    pub(super) fn run(
+        &self,
+        log: &mut CommandLog,
+        line: &mut dyn FnMut(&str),
+    ) -> Result<ProgramOutcome, PrepareError> {
+        self.colmap.program.run(&self.words, log, line)
+    }
+
+    /// Runs the command, which must succeed.
+    pub(super) fn succeed(
+        &self,
+        log: &mut CommandLog,
+        line: &mut dyn FnMut(&str),
+    ) -> Result<(), PrepareError> {
+        self.colmap.program.succeed(&self.words, log, line)
+    }
+
+    /// What to call it in messages.
+    pub(super) fn name(&self) -> String {
+        self.colmap.program.command(&self.words)
     }
 
     /// An option that every version has.
@@ -113,7 +114,7 @@ impl<'a> Arguments<'a> {
         &mut self,
         options: &[&str],
         value: &str,
-        log: &Log,
+        log: &CommandLog,
     ) -> Result<&mut Self, PrepareError> {
         match self.known(options) {
             Some(option) => Ok(self.set(&option, value)),
@@ -121,7 +122,7 @@ impl<'a> Arguments<'a> {
                 version: self.colmap.version.clone(),
                 command: self.command.to_owned(),
                 option: options.join(" or "),
-                log: log.destination().to_owned(),
+                log: log.destination(),
             }),
         }
     }

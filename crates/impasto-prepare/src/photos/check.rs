@@ -7,14 +7,15 @@ use std::io::Cursor;
 use image::metadata::Orientation;
 use image::{ImageDecoder, ImageFormat, ImageReader};
 use impasto_scene::{SceneError, read_rgb};
-use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::{LeftOut, Source, exif};
+use super::{LeftOut, PhotoSource, exif};
+use crate::batches::in_batches;
+use crate::error::PrepareError;
 
 /// A photo that can be used.
 pub(super) struct Checked {
-    pub(super) source: Source,
+    pub(super) source: PhotoSource,
     /// Width and height as stored.
     pub(super) size: (u32, u32),
     pub(super) orientation: Orientation,
@@ -26,41 +27,34 @@ pub(super) struct Checked {
 /// The usable photos of `sources`, in order; copies are taken once. `tick` hears how many files
 /// have been looked at.
 pub(super) fn all(
-    sources: &[Source],
+    sources: &[PhotoSource],
     left_out: &mut Vec<LeftOut>,
     tick: &mut dyn FnMut(usize),
-) -> Vec<Checked> {
+) -> Result<Vec<Checked>, PrepareError> {
     let mut usable: Vec<Checked> = Vec::new();
-    let mut seen: HashMap<[u8; 32], usize> = HashMap::new();
-    let mut done = 0;
-    // As many at once as there are threads: so many decoded photos are in memory at most.
-    for batch in sources.chunks(rayon::current_num_threads().max(1)) {
-        let checked: Vec<_> = batch.par_iter().map(check).collect();
-        for (source, checked) in batch.iter().zip(checked) {
-            let reason = match checked {
-                Err(reason) => reason,
-                Ok(photo) => match seen.get(&photo.hash) {
-                    Some(&first) => format!("a copy of {}", usable[first].source.name),
-                    None => {
-                        seen.insert(photo.hash, usable.len());
-                        usable.push(photo);
-                        continue;
-                    }
-                },
-            };
-            left_out.push(LeftOut {
+    let mut seen: HashMap<[u8; 32], String> = HashMap::new();
+    let checked = in_batches(sources, tick, |source| Ok(check(source)))?;
+    for (source, checked) in sources.iter().zip(checked) {
+        let new = checked.and_then(|photo| match seen.get(&photo.hash) {
+            Some(first) => Err(format!("a copy of {first}")),
+            None => Ok(photo),
+        });
+        match new {
+            Ok(photo) => {
+                seen.insert(photo.hash, photo.source.name.clone());
+                usable.push(photo);
+            }
+            Err(reason) => left_out.push(LeftOut {
                 file: source.name.clone(),
                 reason,
-            });
+            }),
         }
-        done += batch.len();
-        tick(done);
     }
-    usable
+    Ok(usable)
 }
 
 /// Decodes a photo as training will. An error is the reason why it cannot be used.
-fn check(source: &Source) -> Result<Checked, String> {
+fn check(source: &PhotoSource) -> Result<Checked, String> {
     read_rgb(&source.path).map_err(|error| match error {
         SceneError::Photo { problem, .. } => problem,
         SceneError::Io { source, .. } => format!("cannot be read ({source})"),

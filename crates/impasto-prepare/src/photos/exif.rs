@@ -16,10 +16,9 @@ pub(super) fn lens(chunk: Vec<u8>) -> String {
         Tag::LensModel,
         Tag::FocalLength,
     ];
-    let values: Vec<String> = tags
+    let fields = tags
         .into_iter()
-        .filter_map(|tag| exif.get_field(tag, In::PRIMARY))
-        .map(|field| field.display_value().to_string().trim().to_owned())
-        .collect();
-    values.join(" ")
+        .filter_map(|tag| exif.get_field(tag, In::PRIMARY));
+    let values = fields.map(|field| field.display_value().to_string().trim().to_owned());
+    values.collect::<Vec<String>>().join(" ")
 }

@@ -13,14 +13,14 @@ const RICH: usize = 20;
 
 /// Photos for one run of feature extraction.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Group {
+pub(crate) struct CameraGroup {
     /// Names of the photos, sorted.
     pub(crate) photos: Vec<String>,
     /// Whether they share one camera; else each has its own.
     pub(crate) shared: bool,
 }
 
-impl Group {
+impl CameraGroup {
     /// COLMAP's name of the lens model that suits the number of photos.
     pub(crate) fn model(&self) -> &'static str {
         if self.shared && self.photos.len() >= RICH {
@@ -32,53 +32,40 @@ impl Group {
 }
 
 /// Divides photos among cameras. Photos that share theirs with no other are one group.
-pub(crate) fn groups(photos: &[Taken], cameras: Cameras) -> Result<Vec<Group>, PrepareError> {
+pub(crate) fn groups(photos: &[Taken], cameras: Cameras) -> Result<Vec<CameraGroup>, PrepareError> {
     let mut by_camera: BTreeMap<((u32, u32), &str), Vec<String>> = BTreeMap::new();
     let mut alone = Vec::new();
-    match cameras {
-        Cameras::Many => alone.extend(photos.iter().map(|photo| photo.name.clone())),
-        Cameras::One => {
-            for photo in photos {
-                let first = &photos[0];
-                if photo.size != first.size {
-                    return Err(PrepareError::TwoSizes {
-                        first: first.name.clone(),
-                        other: photo.name.clone(),
-                        sizes: [first.size, photo.size],
-                    });
-                }
-                let all = by_camera.entry((first.size, "")).or_default();
-                all.push(photo.name.clone());
-            }
+    for photo in photos {
+        let first = &photos[0];
+        if cameras == Cameras::One && photo.size != first.size {
+            return Err(PrepareError::TwoSizes {
+                first: first.name.clone(),
+                other: photo.name.clone(),
+                sizes: [first.size, photo.size],
+            });
         }
-        Cameras::Auto => {
-            for photo in photos {
-                let camera = (photo.size, photo.lens.as_str());
-                by_camera
-                    .entry(camera)
-                    .or_default()
-                    .push(photo.name.clone());
-            }
-        }
+        let camera = match cameras {
+            Cameras::Many => None,
+            Cameras::One => Some((photo.size, "")),
+            Cameras::Auto => Some((photo.size, photo.lens.as_str())),
+        };
+        let group = camera.map_or(&mut alone, |camera| by_camera.entry(camera).or_default());
+        group.push(photo.name.clone());
     }
-    let mut groups = Vec::new();
-    for mut photos in by_camera.into_values() {
+    let group = |mut photos: Vec<String>, shared| {
         photos.sort();
+        CameraGroup { photos, shared }
+    };
+    let mut groups = Vec::new();
+    for photos in by_camera.into_values() {
         if photos.len() == 1 {
             alone.extend(photos);
         } else {
-            groups.push(Group {
-                photos,
-                shared: true,
-            });
+            groups.push(group(photos, true));
         }
     }
     if !alone.is_empty() {
-        alone.sort();
-        groups.push(Group {
-            photos: alone,
-            shared: false,
-        });
+        groups.push(group(alone, false));
     }
     Ok(groups)
 }
@@ -132,7 +119,7 @@ mod tests {
 
     #[test]
     fn many_photos_afford_a_richer_lens() {
-        let group = |count, shared| Group {
+        let group = |count, shared| CameraGroup {
             photos: vec![String::new(); count],
             shared,
         };

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use image::ImageFormat;
 
-use super::{LeftOut, Source};
+use super::{LeftOut, PhotoSource};
 use crate::error::PrepareError;
+use crate::listing::paths_in;
 
 /// Photos as phones and cameras store them that no decoder here reads.
 const UNREADABLE: [&str; 13] = [
@@ -16,9 +17,9 @@ const UNREADABLE: [&str; 13] = [
 
 /// What a folder has, sorted by name.
 struct Found {
-    sources: Vec<Source>,
+    sources: Vec<PhotoSource>,
     left_out: Vec<LeftOut>,
-    /// Folders that were looked into, so that links in a circle end.
+    /// Folders that were searched, so that links in a circle end.
     visited: BTreeSet<PathBuf>,
     /// The capture that is being made.
     skip: Option<PathBuf>,
@@ -29,57 +30,48 @@ struct Found {
 pub(crate) fn list(
     folder: &Path,
     scene: &Path,
-) -> Result<(Vec<Source>, Vec<LeftOut>), PrepareError> {
+) -> Result<(Vec<PhotoSource>, Vec<LeftOut>), PrepareError> {
     let mut found = Found {
         sources: Vec::new(),
         left_out: Vec::new(),
         visited: BTreeSet::new(),
         skip: scene.canonicalize().ok(),
     };
-    found.look(folder, "")?;
+    found.search(folder, "")?;
     found.sources.sort_by(|a, b| a.name.cmp(&b.name));
     Ok((found.sources, found.left_out))
 }
 
 impl Found {
-    fn look(&mut self, folder: &Path, above: &str) -> Result<(), PrepareError> {
+    fn search(&mut self, folder: &Path, above: &str) -> Result<(), PrepareError> {
         let whole = folder.canonicalize().map_err(PrepareError::read(folder))?;
         if self.skip.as_ref() == Some(&whole) || !self.visited.insert(whole) {
             return Ok(());
         }
-        let mut entries = Vec::new();
-        for entry in fs::read_dir(folder).map_err(PrepareError::read(folder))? {
-            entries.push(entry.map_err(PrepareError::read(folder))?.file_name());
-        }
-        // The first of two links to one folder is the same one everywhere.
-        entries.sort();
-        for file_name in entries {
-            let path = folder.join(&file_name);
-            let name = format!("{above}{}", file_name.to_string_lossy());
-            if file_name.to_string_lossy().starts_with('.') {
+        // In order: the first of two links to one folder is the same one everywhere.
+        for path in paths_in(folder)? {
+            let file_name = path.file_name().unwrap_or_default();
+            let shown = file_name.to_string_lossy();
+            if shown.starts_with('.') {
                 continue;
             }
+            let name = format!("{above}{shown}");
             // Follows links; broken ones are files that cannot be read.
-            match fs::metadata(&path) {
-                Ok(data) if data.is_dir() => self.look(&path, &format!("{name}/"))?,
-                Ok(data) if data.is_file() => {
-                    let reason = match file_name.to_str() {
-                        Some(_) => why_not(&path),
-                        None => Some("its name is not UTF-8; rename it".into()),
-                    };
-                    match reason {
-                        Some(reason) => self.left_out.push(LeftOut { file: name, reason }),
-                        None => self.sources.push(Source { name, path }),
-                    }
+            let reason = match fs::metadata(&path) {
+                Ok(data) if data.is_dir() => {
+                    self.search(&path, &format!("{name}/"))?;
+                    continue;
                 }
-                Ok(_) => self.left_out.push(LeftOut {
-                    file: name,
-                    reason: "not a regular file".into(),
-                }),
-                Err(error) => self.left_out.push(LeftOut {
-                    file: name,
-                    reason: format!("cannot be read ({error})"),
-                }),
+                Ok(data) if !data.is_file() => Some("not a regular file".into()),
+                Ok(_) if file_name.to_str().is_none() => {
+                    Some("its name is not UTF-8; rename it".into())
+                }
+                Ok(_) => why_not(&path),
+                Err(error) => Some(format!("cannot be read ({error})")),
+            };
+            match reason {
+                Some(reason) => self.left_out.push(LeftOut { file: name, reason }),
+                None => self.sources.push(PhotoSource { name, path }),
             }
         }
         Ok(())

@@ -8,10 +8,10 @@ use std::path::Path;
 use image::codecs::jpeg::JpegEncoder;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageEncoder, ImageReader};
-use rayon::prelude::*;
 
 use super::Taken;
 use super::check::Checked;
+use crate::batches::in_batches;
 use crate::error::PrepareError;
 
 /// Of photos that have to be encoded anew.
@@ -26,17 +26,10 @@ pub(super) fn all(
     tick: &mut dyn FnMut(usize),
 ) -> Result<Vec<Taken>, PrepareError> {
     let names = names(photos);
-    let mut taken = Vec::with_capacity(photos.len());
     let pairs: Vec<(&Checked, &String)> = photos.iter().zip(&names).collect();
-    for batch in pairs.chunks(rayon::current_num_threads().max(1)) {
-        let placed = batch
-            .par_iter()
-            .map(|(photo, name)| place(photo, name, &images.join(name)))
-            .collect::<Result<Vec<_>, _>>()?;
-        taken.extend(placed);
-        tick(taken.len());
-    }
-    Ok(taken)
+    in_batches(&pairs, tick, |(photo, name)| {
+        place(photo, name, &images.join(name))
+    })
 }
 
 /// Names in the capture: the photos' own, with another ending where they become JPEGs.

@@ -1,5 +1,6 @@
 //! Frames of a video.
 
+pub(crate) mod endings;
 mod facts;
 mod sharpness;
 
@@ -7,35 +8,27 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
+use crate::batches::in_batches;
 use crate::child::Program;
 use crate::error::PrepareError;
 use crate::event::{Phase, Sink, progress, warning};
-use crate::log::Log;
-use crate::photos::Source;
+use crate::listing::paths_in;
+use crate::log::CommandLog;
+use crate::photos::PhotoSource;
 use crate::summary::VideoFrames;
 use facts::Facts;
 
-/// Endings of videos.
-pub(crate) const ENDINGS: [&str; 6] = ["mp4", "mov", "mkv", "avi", "webm", "m4v"];
 /// Frames taken out for each that is chosen.
 const CANDIDATES: usize = 4;
 /// Frames per second of a video that does not tell its length.
 const BLIND_RATE: f64 = 2.0;
-
-/// Whether this is a video, by its ending.
-pub(crate) fn is_video(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| ENDINGS.iter().any(|known| e.eq_ignore_ascii_case(known)))
-}
 
 /// An installed ffmpeg.
 pub(crate) struct Ffmpeg<'a>(Program<'a>);
 
 impl<'a> Ffmpeg<'a> {
     /// Makes sure that it is there.
-    pub(crate) fn new(path: &'a Path, log: &mut Log) -> Result<Self, PrepareError> {
+    pub(crate) fn new(path: &'a Path, log: &mut CommandLog) -> Result<Self, PrepareError> {
         let program = Program {
             name: "ffmpeg",
             path,
@@ -53,31 +46,35 @@ impl<'a> Ffmpeg<'a> {
         facts: &Facts,
         most: usize,
         to: &Path,
-        log: &mut Log,
+        log: &mut CommandLog,
         events: Sink<'_>,
     ) -> Result<Vec<PathBuf>, PrepareError> {
         fs::create_dir_all(to).map_err(PrepareError::write(to))?;
-        let mut arguments = quiet(video);
+        let mut arguments = reading(video, &["-loglevel", "warning"]);
         let rate = match facts.seconds {
             Some(seconds) => (most as f64 / seconds).min(facts.rate),
             None => BLIND_RATE.min(facts.rate),
         };
-        arguments.extend(["-an", "-sn", "-dn", "-vf"].map(OsString::from));
-        arguments.push(format!("fps={rate:.6}").into());
-        arguments.push("-frames:v".into());
-        arguments.push(most.to_string().into());
+        let (filter, most_frames) = (format!("fps={rate:.6}"), most.to_string());
+        let streams = [
+            "-an",
+            "-sn",
+            "-dn",
+            "-vf",
+            &filter,
+            "-frames:v",
+            &most_frames,
+        ];
         // JPEGs of the highest useful quality.
-        arguments.extend(["-q:v", "2", "-nostats", "-progress", "pipe:1"].map(OsString::from));
+        let files = ["-q:v", "2", "-nostats", "-progress", "pipe:1"];
+        arguments.extend(streams.iter().chain(&files).map(OsString::from));
         arguments.push(to.join("%06d.jpg").into());
-        let expected = facts
-            .seconds
-            .map_or(most, |seconds| (seconds * rate).ceil() as usize);
+        let expected = |seconds: f64| (seconds * rate).ceil() as usize;
+        let expected = facts.seconds.map_or(most, expected);
         progress(events, Phase::Frames, 0, expected);
         let run = self.0.run(&arguments, log, &mut |line| {
-            if let Some(done) = line
-                .strip_prefix("frame=")
-                .and_then(|n| n.trim().parse().ok())
-            {
+            let frames = line.strip_prefix("frame=");
+            if let Some(done) = frames.and_then(|n| n.trim().parse().ok()) {
                 progress(events, Phase::Frames, done, expected);
             }
         })?;
@@ -86,21 +83,13 @@ impl<'a> Ffmpeg<'a> {
         } else if !run.is_success() {
             return Err(unusable(video, run.said, log));
         }
-        let mut frames = Vec::new();
-        for entry in fs::read_dir(to).map_err(PrepareError::read(to))? {
-            frames.push(entry.map_err(PrepareError::read(to))?.path());
-        }
-        frames.sort();
-        Ok(frames)
+        paths_in(to)
     }
 
-    fn facts(&self, video: &Path, log: &mut Log) -> Result<Facts, PrepareError> {
+    fn facts(&self, video: &Path, log: &mut CommandLog) -> Result<Facts, PrepareError> {
         let mut facts = Facts::default();
-        let arguments: Vec<OsString> = quiet(video)
-            .into_iter()
-            // What is to be read are notes.
-            .filter(|word| word != "-loglevel" && word != "warning")
-            .collect();
+        // What is to be read are notes, which no log level hides.
+        let arguments = reading(video, &[]);
         // ffmpeg fails here, because it is told no output.
         let run = self.0.run(&arguments, log, &mut |line| facts.read(line))?;
         if facts.has_pictures {
@@ -111,10 +100,11 @@ impl<'a> Ffmpeg<'a> {
     }
 }
 
-/// The beginning of a command line. Nothing but files is opened, whatever a video refers to.
-fn quiet(video: &Path) -> Vec<OsString> {
-    let words = ["-hide_banner", "-nostdin", "-loglevel", "warning"];
-    let mut words: Vec<OsString> = words.map(OsString::from).into();
+/// The beginning of a command line that reads a video. Nothing but files is opened, whatever the
+/// video refers to.
+fn reading(video: &Path, options: &[&str]) -> Vec<OsString> {
+    let mut words: Vec<OsString> = ["-hide_banner", "-nostdin"].map(OsString::from).into();
+    words.extend(options.iter().map(OsString::from));
     words.extend(["-protocol_whitelist", "file", "-i"].map(OsString::from));
     let mut file = OsString::from("file:");
     file.push(video);
@@ -122,15 +112,13 @@ fn quiet(video: &Path) -> Vec<OsString> {
     words
 }
 
-fn unusable(video: &Path, said: String, log: &Log) -> PrepareError {
+fn unusable(video: &Path, said: String, log: &CommandLog) -> PrepareError {
     PrepareError::Video {
         path: video.to_owned(),
-        problem: if said.is_empty() {
-            "it has no pictures".into()
-        } else {
-            said
-        },
-        log: log.destination().to_owned(),
+        problem: Some(said)
+            .filter(|said| !said.is_empty())
+            .unwrap_or("it has no pictures".into()),
+        log: log.destination(),
     }
 }
 
@@ -141,9 +129,9 @@ pub(crate) fn frames(
     video: &Path,
     wanted: usize,
     to: &Path,
-    log: &mut Log,
+    log: &mut CommandLog,
     events: Sink<'_>,
-) -> Result<(Vec<Source>, VideoFrames), PrepareError> {
+) -> Result<(Vec<PhotoSource>, VideoFrames), PrepareError> {
     let facts = ffmpeg.facts(video, log)?;
     let most = CANDIDATES * wanted;
     let candidates = ffmpeg.extract(video, &facts, most, to, log, events)?;
@@ -157,35 +145,26 @@ pub(crate) fn frames(
     }
     let sharpness = measure(&candidates, events)?;
     let chosen = sharpest(&sharpness, wanted);
-    let sources: Vec<Source> = chosen
-        .iter()
-        .enumerate()
-        .map(|(number, &index)| Source {
-            name: format!("{number:04}.jpg"),
-            path: candidates[index].clone(),
-        })
-        .collect();
-    let told = VideoFrames {
+    let source = |(number, &index): (usize, &usize)| PhotoSource {
+        name: format!("{number:04}.jpg"),
+        path: candidates[index].clone(),
+    };
+    let summary = VideoFrames {
         extracted: candidates.len(),
-        chosen: sources.len(),
+        chosen: chosen.len(),
         seconds: facts.seconds,
     };
-    Ok((sources, told))
+    Ok((chosen.iter().enumerate().map(source).collect(), summary))
 }
 
 fn measure(candidates: &[PathBuf], events: Sink<'_>) -> Result<Vec<f64>, PrepareError> {
-    let mut sharpness = Vec::with_capacity(candidates.len());
-    progress(events, Phase::Choosing, 0, candidates.len());
-    for batch in candidates.chunks(rayon::current_num_threads().max(1)) {
-        let measured: Vec<f64> = batch
-            .par_iter()
-            // A frame that cannot be read is chosen last, and then left out by name.
-            .map(|path| impasto_scene::read_rgb(path).map_or(-1.0, |p| sharpness::of(&p)))
-            .collect();
-        sharpness.extend(measured);
-        progress(events, Phase::Choosing, sharpness.len(), candidates.len());
-    }
-    Ok(sharpness)
+    let total = candidates.len();
+    progress(events, Phase::Choosing, 0, total);
+    let mut tick = |done| progress(events, Phase::Choosing, done, total);
+    in_batches(candidates, &mut tick, |path| {
+        // A frame that cannot be read is chosen last, and then left out by name.
+        Ok(impasto_scene::read_rgb(path).map_or(-1.0, |p| sharpness::of(&p)))
+    })
 }
 
 /// Index of the sharpest in each of `parts` equal parts; parts without any give none.
@@ -211,11 +190,5 @@ mod tests {
         assert_eq!(sharpest(&[0.5, 0.5], 1), [0]);
         assert_eq!(sharpest(&[1.0, 2.0], 5).len(), 2);
         assert!(sharpest(&[], 4).is_empty());
-    }
-
-    #[test]
-    fn endings_tell_videos() {
-        assert!(is_video(Path::new("a/Walk.MP4")) && is_video(Path::new("a.webm")));
-        assert!(!is_video(Path::new("a.jpg")) && !is_video(Path::new("mp4")));
     }
 }

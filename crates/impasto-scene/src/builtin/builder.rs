@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::sky::rgb;
-use super::solids::{Material, Shape, Solid};
+use super::solids::{Material, Primitive, Solid};
 
 /// A material with its two colours.
 #[derive(Debug, Clone, Copy)]
@@ -47,39 +47,26 @@ impl Builder {
 
     /// A box of half extents `half` around `at`.
     pub fn block(&mut self, half: [f32; 3], at: [f32; 3], paint: Paint) {
-        self.put(Shape::Block { half: half.into() }, at, 0.0, paint);
+        self.put(Primitive::Block(half.into()), at, 0.0, paint);
     }
 
     /// An upright cone stump standing on `at`; `radii` at the foot and the top.
     pub fn stump(&mut self, radii: [f32; 2], height: f32, at: [f32; 3], paint: Paint) {
         let [bottom, top] = radii;
-        let shape = Shape::Stump {
-            bottom,
-            top,
-            height,
-        };
-        self.put(shape, at, 0.0, paint);
+        self.put(Primitive::Stump([bottom, top, height]), at, 0.0, paint);
     }
 
     /// An ellipsoid around `at`.
     pub fn ball(&mut self, radii: [f32; 3], at: [f32; 3], paint: Paint) {
-        let radii = radii.into();
-        self.put(Shape::Ellipsoid { radii }, at, 0.0, paint);
+        self.put(Primitive::Ellipsoid(radii.into()), at, 0.0, paint);
     }
 
     /// A roof standing on `at`: `size` is half length, half width, height and half ridge.
     pub fn roof(&mut self, size: [f32; 4], at: [f32; 3], turn: f32, paint: Paint) {
-        let [half_x, half_y, height, ridge] = size;
-        let shape = Shape::Ridge {
-            half_x,
-            half_y,
-            height,
-            ridge,
-        };
-        self.put(shape, at, turn, paint);
+        self.put(Primitive::Ridge(size), at, turn, paint);
     }
 
-    fn put(&mut self, shape: Shape, at: [f32; 3], turn: f32, paint: Paint) {
+    fn put(&mut self, shape: Primitive, at: [f32; 3], turn: f32, paint: Paint) {
         let (s, c) = self.turn.sin_cos();
         let offset = Vec3::new(c * at[0] - s * at[1], s * at[0] + c * at[1], at[2]);
         let (sine, cosine) = (self.turn + turn).sin_cos();

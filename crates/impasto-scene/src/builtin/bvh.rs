@@ -90,12 +90,13 @@ impl Bvh {
             }
             let left = (index + 1, entry(&self.nodes[index + 1], eye, inverse));
             let right = (node.start, entry(&self.nodes[node.start], eye, inverse));
-            let (first, second) = if left.1 <= right.1 {
-                (left, right)
+            let left_first = left.1 <= right.1;
+            // The nearer one is pushed last and visited first.
+            for child in if left_first {
+                [right, left]
             } else {
-                (right, left)
-            };
-            for child in [second, first] {
+                [left, right]
+            } {
                 if child.1 < limit {
                     stack[depth] = child;
                     depth += 1;
@@ -107,16 +108,11 @@ impl Bvh {
 
 /// Ray parameter at which the box is entered, infinite when it is missed.
 fn entry(node: &Node, origin: Vec3A, inverse: Vec3A) -> f32 {
-    let (a, b) = (
-        (node.low - origin) * inverse,
-        (node.high - origin) * inverse,
-    );
+    let (a, b) = (node.low - origin, node.high - origin);
+    let (a, b) = (a * inverse, b * inverse);
     let near = a.min(b).max_element().max(0.0);
-    if near <= a.max(b).min_element() {
-        near
-    } else {
-        f32::INFINITY
-    }
+    let met = near <= a.max(b).min_element();
+    if met { near } else { f32::INFINITY }
 }
 
 /// Appends the subtree of `solids`, the first of which has index `start` in the whole list.

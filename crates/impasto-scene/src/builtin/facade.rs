@@ -2,10 +2,10 @@
 
 use glam::{Vec2, Vec3};
 
-use super::materials::{Surface, on_face};
 use super::noise::{draw, fade, fbm3, hash, line, smoothstep, unit};
 use super::sky::rgb;
 use super::solids::{Contact, Solid, Wall};
+use super::surface::{Surface, on_face};
 
 const TRIM: Vec3 = rgb(0xF0E8D6);
 const STONE: Vec3 = rgb(0xC9BDA6);
@@ -34,9 +34,8 @@ impl Bay {
         let columns = (half_width * 2.0 / 2.3).round().max(1.0);
         let floors = (top / 2.95).round().max(1.0);
         let (width, storey) = (half_width * 2.0 / columns, top / floors);
-        let column = ((at.x + half_width) / width)
-            .floor()
-            .clamp(0.0, columns - 1.0);
+        let column = (at.x + half_width) / width;
+        let column = column.floor().clamp(0.0, columns - 1.0);
         let floor = (at.y / storey).floor().clamp(0.0, floors - 1.0);
         Self {
             x: at.x + half_width - (column + 0.5) * width,
@@ -91,11 +90,9 @@ fn opening(solid: &Solid, bay: &Bay, seed: u32, normal: Vec3) -> Option<Surface>
             let panel = bay.inside(0.42, 0.3, 1.05) || bay.inside(0.42, 1.25, 2.05);
             return matte(solid.accent * if panel { 0.7 } else { 1.0 });
         }
-        return if bay.inside(0.78, 0.0, 2.45) {
-            matte(TRIM)
-        } else {
-            None
-        };
+        return bay
+            .inside(0.78, 0.0, 2.45)
+            .then(|| Surface::matte(TRIM, normal));
     }
     let high = (bay.storey - 0.45).min(2.35);
     if bay.inside(0.5, 0.9, high) {
@@ -159,11 +156,8 @@ fn bricks(tint: Vec3, at: Vec2, footprint: f32) -> Vec3 {
 fn timber(tint: Vec3, bay: &Bay, seed: u32) -> Vec3 {
     let post = bay.width * 0.5 - bay.x.abs() < 0.1 || bay.edge < 0.2;
     let rail = bay.y < 0.13 || bay.storey - bay.y < 0.13 || (bay.y - 0.66).abs() < 0.08;
-    let lean = if draw(seed, bay.column + 31 * bay.floor) > 0.5 {
-        1.0
-    } else {
-        -1.0
-    };
+    let leaning = draw(seed, bay.column + 31 * bay.floor) > 0.5;
+    let lean = if leaning { 1.0 } else { -1.0 };
     let cross = bay.floor > 0 && bay.y < 0.66 && (bay.y - 0.36 - lean * bay.x * 0.42).abs() < 0.09;
     if post || rail || cross { BEAM } else { tint }
 }

@@ -116,10 +116,8 @@ fn flags(p: Vec2, footprint: f32) -> Vec3 {
         f.min(1.0 - f) * 0.85
     };
     let base = rgb(0xD3C3A2) * (0.88 + 0.24 * stone) * (1.0 + 0.12 * fbm2(p, 5.0, 3, footprint));
-    base.lerp(
-        rgb(0x8A8263),
-        line(edge(x).min(edge(q.y)), 0.02, footprint) * 0.8,
-    )
+    let joint = line(edge(x).min(edge(q.y)), 0.02, footprint);
+    base.lerp(rgb(0x8A8263), joint * 0.8)
 }
 
 fn lawn(p: Vec2, footprint: f32) -> Vec3 {

@@ -16,6 +16,7 @@ mod place;
 mod sky;
 mod solids;
 mod statue;
+mod surface;
 mod surroundings;
 #[cfg(test)]
 mod tests;
@@ -29,7 +30,8 @@ use image::RgbImage;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Intrinsics, Ray};
-use trace::{Place, place};
+use crate::paths::pinhole::pinhole;
+use trace::{World, world};
 pub use write::{WriteCaptureError, write_capture};
 
 /// Size of the built-in capture.
@@ -73,15 +75,7 @@ pub struct BuiltinView {
 pub fn cameras(options: &BuiltinOptions) -> Vec<Camera> {
     let (width, height) = (options.width.max(1), options.height.max(1));
     let focal = f64::from(width) * 0.5 / (options.field_of_view * 0.5).tan();
-    let intrinsics = Intrinsics {
-        width,
-        height,
-        fl_x: focal,
-        fl_y: focal,
-        cx: f64::from(width) * 0.5,
-        cy: f64::from(height) * 0.5,
-        distortion: crate::camera::Distortion::default(),
-    };
+    let intrinsics = pinhole(focal, (width, height));
     (0..options.photos)
         .map(|index| on_walk(intrinsics, index, options.photos))
         .collect()
@@ -111,19 +105,16 @@ fn looking_at(eye: DVec3, aim: DVec3) -> DMat4 {
 ///
 /// Lens distortion is followed ray by ray. Runs on all of rayon's threads.
 pub fn render(camera: &Camera) -> BuiltinView {
-    let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
-    let place = place();
-    let rows: Vec<Vec<([u8; 3], f32)>> = (0..height)
-        .into_par_iter()
-        .map(|y| (0..width).map(|x| pixel(place, camera, x, y)).collect())
-        .collect();
-    let pixels = RgbImage::from_fn(width, height, |x, y| {
-        image::Rgb(rows[y as usize][x as usize].0)
-    });
+    let (width, height) = camera.intrinsics.size();
+    let world = world();
+    let (colours, depth): (Vec<[u8; 3]>, _) = pixels(camera, |x, y| pixel(world, camera, x, y))
+        .into_iter()
+        .unzip();
+    let colour = |x, y| image::Rgb(colours[y as usize * width as usize + x as usize]);
     BuiltinView {
         camera: *camera,
-        pixels,
-        depth: rows.iter().flatten().map(|&(_, depth)| depth).collect(),
+        pixels: RgbImage::from_fn(width, height, colour),
+        depth,
     }
 }
 
@@ -132,19 +123,19 @@ pub fn render(camera: &Camera) -> BuiltinView {
 /// `height × width`, metres along the camera's axis at pixel centres; `f32::INFINITY` for sky and
 /// hills, whose colour depends on the ray's direction alone. Runs on all of rayon's threads.
 pub fn depth(camera: &Camera) -> Vec<f32> {
-    let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
-    let place = place();
-    let rows: Vec<Vec<f32>> = (0..height)
-        .into_par_iter()
-        .map(|y| {
-            let across = (0..width).map(|x| {
-                let aim = Aim::new(camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
-                aim.depth(place.meet(aim.origin, aim.direction).1)
-            });
-            across.collect()
-        })
-        .collect();
-    rows.concat()
+    let world = world();
+    pixels(camera, |x, y| {
+        let aim = Aim::new(camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
+        aim.depth(world.meet(aim.origin, aim.direction).1)
+    })
+}
+
+/// What `of` says of each pixel, row by row.
+fn pixels<T: Send>(camera: &Camera, of: impl Fn(u32, u32) -> T + Sync) -> Vec<T> {
+    let (width, height) = camera.intrinsics.size();
+    let row = |y| (0..width).map(|x| of(x, y)).collect::<Vec<T>>();
+    let rows: Vec<Vec<T>> = (0..height).into_par_iter().map(row).collect();
+    rows.into_iter().flatten().collect()
 }
 
 /// How far a pose may be from the one that it was written from: a rounding error.
@@ -170,11 +161,11 @@ const EDGES: [(f64, f64); 4] = [(0.0, -1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)
 const SMOOTH: f32 = 0.05;
 
 /// Colour and centre depth of one pixel.
-fn pixel(place: &Place, camera: &Camera, x: u32, y: u32) -> ([u8; 3], f32) {
+fn pixel(world: &World, camera: &Camera, x: u32, y: u32) -> ([u8; 3], f32) {
     let (middle_x, middle_y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-    let (centre, depth) = sample(place, camera, middle_x, middle_y);
+    let (centre, depth) = sample(world, camera, middle_x, middle_y);
     let beside =
-        |(dx, dy): (f64, f64)| sample(place, camera, middle_x + dx / 3.0, middle_y + dy / 3.0).0;
+        |(dx, dy): (f64, f64)| sample(world, camera, middle_x + dx / 3.0, middle_y + dy / 3.0).0;
     let (mut low, mut high, mut sum) = (centre, centre, centre);
     for colour in CORNERS.map(beside) {
         (low, high, sum) = (low.min(colour), high.max(colour), sum + colour);
@@ -192,10 +183,10 @@ fn pixel(place: &Place, camera: &Camera, x: u32, y: u32) -> ([u8; 3], f32) {
 }
 
 /// Stored colour and depth along the axis through an image position.
-fn sample(place: &Place, camera: &Camera, x: f64, y: f64) -> (Vec3, f32) {
+fn sample(world: &World, camera: &Camera, x: f64, y: f64) -> (Vec3, f32) {
     let aim = Aim::new(camera, x, y);
     let pixel = 1.0 / (camera.intrinsics.fl_x * aim.length);
-    let (colour, t) = place.look(aim.origin, aim.direction, pixel as f32);
+    let (colour, t) = world.radiance(aim.origin, aim.direction, pixel as f32);
     (sky::encode(colour), aim.depth(t))
 }
 

@@ -80,28 +80,32 @@ pub fn fade(cycles: f32) -> f32 {
 /// Sum of up to `octaves` octaves of [`noise3`] from `frequency` (cycles per metre), about `[-1, 1]`,
 /// without those finer than `footprint` metres.
 pub fn fbm3(p: Vec3, frequency: f32, octaves: u32, footprint: f32) -> f32 {
-    let (mut f, mut amplitude, mut sum) = (frequency, 0.6, 0.0);
-    for octave in 0..octaves {
-        let weight = fade(f * footprint);
-        if weight <= 0.0 {
-            break;
-        }
-        sum += amplitude * weight * noise3(p * f + Vec3::splat(17.3 * octave as f32));
-        f *= 2.07;
-        amplitude *= 0.5;
-    }
-    sum
+    fractal_sum(frequency, octaves, footprint, |f, shift| {
+        noise3(p * f + Vec3::splat(shift))
+    })
 }
 
 /// Two-dimensional [`fbm3`].
 pub fn fbm2(p: Vec2, frequency: f32, octaves: u32, footprint: f32) -> f32 {
+    fractal_sum(frequency, octaves, footprint, |f, shift| {
+        noise2(p * f + Vec2::splat(shift))
+    })
+}
+
+/// The sum of octaves of a noise, which is given its frequency and a shift of its own.
+fn fractal_sum(
+    frequency: f32,
+    octaves: u32,
+    footprint: f32,
+    noise: impl Fn(f32, f32) -> f32,
+) -> f32 {
     let (mut f, mut amplitude, mut sum) = (frequency, 0.6, 0.0);
     for octave in 0..octaves {
         let weight = fade(f * footprint);
         if weight <= 0.0 {
             break;
         }
-        sum += amplitude * weight * noise2(p * f + Vec2::splat(17.3 * octave as f32));
+        sum += amplitude * weight * noise(f, 17.3 * octave as f32);
         f *= 2.07;
         amplitude *= 0.5;
     }
@@ -113,18 +117,11 @@ pub fn nearest_seed(p: Vec3) -> (f32, u32) {
     let base = p.floor();
     let mut best = (f32::INFINITY, 0);
     for index in 0..27 {
-        let cell = base
-            + Vec3::new(
-                (index % 3 - 1) as f32,
-                (index / 3 % 3 - 1) as f32,
-                (index / 9 - 1) as f32,
-            );
+        let beside = [index % 3, index / 3 % 3, index / 9].map(|i| (i - 1) as f32);
+        let cell = base + Vec3::from(beside);
         let h = hash(cell.x as i32, cell.y as i32, cell.z as i32);
-        let inside = Vec3::new(
-            unit(h),
-            unit(h.rotate_left(12)),
-            unit(h.wrapping_mul(0x9E37_79B1)),
-        );
+        let inside = [h, h.rotate_left(12), h.wrapping_mul(0x9E37_79B1)].map(unit);
+        let inside = Vec3::from(inside);
         let distance = (cell + inside).distance_squared(p);
         if distance < best.0 {
             best = (distance, h);

@@ -49,12 +49,8 @@ pub fn backdrop(direction: Vec3, pixel: f32) -> Vec3 {
     }
     let middle = 0.085 + 0.045 * around(2.1, 11.0, 5);
     if climb < middle {
-        let woods = fbm2(
-            Vec2::new(flat.to_angle() * 40.0, climb * 120.0),
-            1.0,
-            3,
-            pixel * 40.0,
-        );
+        let at = Vec2::new(flat.to_angle() * 40.0, climb * 120.0);
+        let woods = fbm2(at, 1.0, 3, pixel * 40.0);
         return rgb(0x5F8F78)
             .lerp(rgb(0x86AA9A), 0.5 - 0.6 * woods)
             .lerp(rgb(0xA9C6CE), 0.3);
@@ -89,10 +85,7 @@ fn clouds(direction: Vec3, pixel: f32) -> Vec3 {
     let sky = gradient(direction);
     let p = Vec2::new(direction.x, direction.y) / (direction.z + 0.3) * 1.9;
     let footprint = 2.0 * pixel / (direction.z + 0.3);
-    let warp = Vec2::new(
-        fbm2(p, 1.3, 2, footprint),
-        fbm2(p + 31.0, 1.3, 2, footprint),
-    );
+    let warp = Vec2::from([p, p + 31.0].map(|p| fbm2(p, 1.3, 2, footprint)));
     let density = |q: Vec2| fbm2(q + 0.35 * warp, 1.25, 5, footprint);
     let here = density(p);
     let cover = smoothstep(0.02, 0.2, here);
@@ -102,10 +95,8 @@ fn clouds(direction: Vec3, pixel: f32) -> Vec3 {
     let toward_sun = density(p + Vec2::new(SUN.x, SUN.y) * 0.22);
     let shade = smoothstep(-0.25, 0.35, here - toward_sun + 0.08);
     let cloud = rgb(0xB9C6D8).lerp(rgb(0xFFFBF2), shade);
-    sky.lerp(
-        cloud,
-        cover * (0.25 + 0.7 * smoothstep(0.0, 0.3, direction.z)),
-    )
+    let clear = 0.25 + 0.7 * smoothstep(0.0, 0.3, direction.z);
+    sky.lerp(cloud, cover * clear)
 }
 
 /// Stored colour in `[0, 1]` of a linear one: a soft shoulder, then gamma 2.
@@ -115,9 +106,5 @@ pub fn encode(linear: Vec3) -> Vec3 {
         let over = (x - KNEE).max(0.0);
         x.clamp(0.0, KNEE) + (1.0 - KNEE) * (1.0 - (-over / (1.0 - KNEE)).exp())
     };
-    Vec3::new(
-        shoulder(linear.x).sqrt(),
-        shoulder(linear.y).sqrt(),
-        shoulder(linear.z).sqrt(),
-    )
+    Vec3::from(linear.to_array().map(|x| shoulder(x).sqrt()))
 }

@@ -50,44 +50,37 @@ pub enum Wall {
 
 /// A shape in its own frame; lengths in metres.
 #[derive(Debug, Clone, Copy)]
-pub enum Shape {
-    /// Box around the origin.
-    Block {
-        /// Half of each side.
-        half: Vec3,
-    },
-    /// Ridge roof standing on z = 0; `ridge == half_x` gives a gable, 0 a pyramid.
-    Ridge {
-        /// Half length along the ridge.
-        half_x: f32,
-        /// Half width across the ridge.
-        half_y: f32,
-        /// Height of the ridge.
-        height: f32,
-        /// Half length of the ridge itself.
-        ridge: f32,
-    },
-    /// Upright cone stump standing on z = 0.
-    Stump {
-        /// Radius at the foot.
-        bottom: f32,
-        /// Radius at the top.
-        top: f32,
-        /// Height.
-        height: f32,
-    },
-    /// Ellipsoid around the origin.
-    Ellipsoid {
-        /// Half axes.
-        radii: Vec3,
-    },
+pub enum Primitive {
+    /// Box around the origin, by half of each side.
+    Block(Vec3),
+    /// Ridge roof standing on z = 0: half length along the ridge, half width across it, height, and
+    /// half length of the ridge itself. `ridge == half_x` gives a gable, 0 a pyramid.
+    Ridge([f32; 4]),
+    /// Upright cone stump standing on z = 0: radius at the foot and at the top, and height.
+    Stump([f32; 3]),
+    /// Ellipsoid around the origin, by its half axes.
+    Ellipsoid(Vec3),
+}
+
+impl Primitive {
+    /// Lowest and highest corner of the box around it.
+    fn bounds(&self) -> (Vec3, Vec3) {
+        match *self {
+            Self::Block(half) | Self::Ellipsoid(half) => (-half, half),
+            Self::Ridge([x, y, height, _]) => (Vec3::new(-x, -y, 0.0), Vec3::new(x, y, height)),
+            Self::Stump([bottom, top, height]) => {
+                let r = bottom.max(top);
+                (Vec3::new(-r, -r, 0.0), Vec3::new(r, r, height))
+            }
+        }
+    }
 }
 
 /// A placed, coloured shape.
 #[derive(Debug, Clone, Copy)]
 pub struct Solid {
     /// Geometry in the solid's frame.
-    pub shape: Shape,
+    pub shape: Primitive,
     /// Where the frame's origin lies.
     pub origin: Vec3,
     /// Cosine and sine of the turn about z.
@@ -119,6 +112,11 @@ pub struct Contact {
 const INNER_SHELL: f32 = 0.84;
 
 impl Solid {
+    /// The main colour, or else the second one.
+    pub fn colour(&self, main: bool) -> Vec3 {
+        if main { self.tint } else { self.accent }
+    }
+
     /// A world vector in the solid's frame.
     pub fn local(&self, v: Vec3) -> Vec3 {
         let (c, s) = self.turn;
@@ -131,29 +129,15 @@ impl Solid {
         Vec3::new(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
     }
 
+    /// Half of each side of the box around the solid in its own frame.
+    pub fn half_size(&self) -> Vec3 {
+        let (low, high) = self.shape.bounds();
+        (high - low) * 0.5
+    }
+
     /// Axis-aligned box around the solid: lowest and highest corner.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        let (low, high) = match self.shape {
-            Shape::Block { half } => (-half, half),
-            Shape::Ridge {
-                half_x,
-                half_y,
-                height,
-                ..
-            } => (
-                Vec3::new(-half_x, -half_y, 0.0),
-                Vec3::new(half_x, half_y, height),
-            ),
-            Shape::Stump {
-                bottom,
-                top,
-                height,
-            } => {
-                let r = bottom.max(top);
-                (Vec3::new(-r, -r, 0.0), Vec3::new(r, r, height))
-            }
-            Shape::Ellipsoid { radii } => (-radii, radii),
-        };
+        let (low, high) = self.shape.bounds();
         let (c, s) = (self.turn.0.abs(), self.turn.1.abs());
         let half = (high - low) * 0.5;
         let half = Vec3::new(c * half.x + s * half.y, s * half.x + c * half.y, half.z);
@@ -166,22 +150,13 @@ impl Solid {
         let o = self.local(origin - self.origin);
         let d = self.local(direction);
         let found = match self.shape {
-            Shape::Block { half } => hit_block(half, o, d, min),
-            Shape::Ridge {
-                half_x,
-                half_y,
-                height,
-                ridge,
-            } => hit_ridge([half_x, half_y, height, ridge], o, d, min),
-            Shape::Stump {
-                bottom,
-                top,
-                height,
-            } => hit_stump(bottom, top, height, o, d, min),
-            Shape::Ellipsoid { radii } if self.material == Material::Leaves => {
+            Primitive::Block(half) => hit_block(half, o, d, min),
+            Primitive::Ridge(size) => hit_ridge(size, o, d, min),
+            Primitive::Stump(size) => hit_stump(size, o, d, min),
+            Primitive::Ellipsoid(radii) if self.material == Material::Leaves => {
                 return self.hit_leaves(radii, o, d, min, max);
             }
-            Shape::Ellipsoid { radii } => {
+            Primitive::Ellipsoid(radii) => {
                 let (near, _) = ellipsoid_roots(radii, o, d)?;
                 (near > min).then(|| (near, ((o + d * near) / (radii * radii)).normalize()))
             }
@@ -267,14 +242,7 @@ fn hit_ridge([x, y, height, ridge]: [f32; 4], o: Vec3, d: Vec3, min: f32) -> Opt
     (near > min && near <= far).then(|| (near, normal.normalize()))
 }
 
-fn hit_stump(
-    bottom: f32,
-    top: f32,
-    height: f32,
-    o: Vec3,
-    d: Vec3,
-    min: f32,
-) -> Option<(f32, Vec3)> {
+fn hit_stump([bottom, top, height]: [f32; 3], o: Vec3, d: Vec3, min: f32) -> Option<(f32, Vec3)> {
     let slope = (top - bottom) / height;
     let (r, dr) = (bottom + slope * o.z, slope * d.z);
     let a = d.x * d.x + d.y * d.y - dr * dr;
@@ -322,7 +290,7 @@ fn ellipsoid_roots(radii: Vec3, o: Vec3, d: Vec3) -> Option<(f32, f32)> {
 mod tests {
     use super::*;
 
-    fn solid(shape: Shape) -> Solid {
+    fn solid(shape: Primitive) -> Solid {
         Solid {
             shape,
             origin: Vec3::new(1.0, 2.0, 0.5),
@@ -338,23 +306,10 @@ mod tests {
     #[test]
     fn contacts_are_consistent_for_every_shape() {
         let shapes = [
-            Shape::Block {
-                half: Vec3::new(0.5, 0.7, 0.9),
-            },
-            Shape::Ridge {
-                half_x: 1.0,
-                half_y: 0.6,
-                height: 0.8,
-                ridge: 0.4,
-            },
-            Shape::Stump {
-                bottom: 0.8,
-                top: 0.3,
-                height: 1.2,
-            },
-            Shape::Ellipsoid {
-                radii: Vec3::new(0.5, 1.0, 0.7),
-            },
+            Primitive::Block(Vec3::new(0.5, 0.7, 0.9)),
+            Primitive::Ridge([1.0, 0.6, 0.8, 0.4]),
+            Primitive::Stump([0.8, 0.3, 1.2]),
+            Primitive::Ellipsoid(Vec3::new(0.5, 1.0, 0.7)),
         ];
         for shape in shapes {
             let solid = solid(shape);

@@ -95,14 +95,21 @@ impl Statue {
         d
     }
 
-    /// Where the unit ray (world) first touches the surface before `max`.
-    pub fn hit(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<f32> {
-        let o = self.local(origin);
-        let d = rotate(direction, -TURN.1);
+    /// A unit ray of the world in statue units, with the distances at which it enters and leaves the
+    /// box around all bones.
+    fn enter(&self, origin: Vec3, direction: Vec3) -> (Vec3, Vec3, [f32; 2]) {
+        let (o, d) = (self.local(origin), rotate(direction, -TURN.1));
         let inverse = d.recip();
         let (a, b) = ((LOW - o) * inverse, (HIGH - o) * inverse);
-        let mut t = a.min(b).max_element().max(0.0);
-        let end = a.max(b).min_element().min(max / SCALE);
+        let (start, end) = (a.min(b).max_element(), a.max(b).min_element());
+        (o, d, [start, end])
+    }
+
+    /// Where the unit ray (world) first touches the surface before `max`.
+    pub fn hit(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<f32> {
+        let (o, d, [start, end]) = self.enter(origin, direction);
+        let mut t = start.max(0.0);
+        let end = end.min(max / SCALE);
         for _ in 0..160 {
             if t >= end {
                 return None;
@@ -124,12 +131,8 @@ impl Statue {
 
     /// How much sun reaches a surface point past the statue: 0 none, 1 all, between in penumbrae.
     pub fn sunlight(&self, origin: Vec3, sun: Vec3) -> f32 {
-        let o = self.local(origin);
-        let d = rotate(sun, -TURN.1);
-        let inverse = d.recip();
-        let (a, b) = ((LOW - o) * inverse, (HIGH - o) * inverse);
-        let mut t = a.min(b).max_element().max(0.02);
-        let end = a.max(b).min_element();
+        let (o, d, [start, end]) = self.enter(origin, sun);
+        let mut t = start.max(0.02);
         let mut light = 1.0f32;
         for _ in 0..96 {
             if t >= end {

@@ -82,10 +82,8 @@ pub fn cafe(b: &mut Builder) {
     let pole = Paint::one(Material::Wood, 0xB58A5A);
     let table = Paint::one(Material::Wood, 0xE8DFCC);
     let chair = Paint::one(Material::Wood, 0x9A6238);
-    for (index, colour) in [0xD23B34, 0x2E6FB7, 0xEAB13A, 0xD23B34]
-        .into_iter()
-        .enumerate()
-    {
+    let colours = [0xD23B34, 0x2E6FB7, 0xEAB13A, 0xD23B34];
+    for (index, colour) in colours.into_iter().enumerate() {
         let cloth = Paint::two(Material::Canvas, colour, 0xF5EFE2);
         let angle = FIRST_PATH + 0.4 + 0.25 * index as f32;
         b.frame([14.2, 15.6][index % 2], angle, angle);
@@ -119,11 +117,8 @@ fn house(b: &mut Builder, plot: i32) {
         _ => (Wall::Plaster, PLASTER[(plot * 3) as usize % PLASTER.len()]),
     };
     let front = Paint::two(Material::Facade(wall), tint, choose(&DOORS, pick(6)));
-    b.block(
-        [half_x, half_y, eaves * 0.5],
-        [0.0, 0.0, eaves * 0.5],
-        front,
-    );
+    let middle = eaves * 0.5;
+    b.block([half_x, half_y, middle], [0.0, 0.0, middle], front);
 
     let gable_to_street = pick(7) < 0.4;
     let (along, across, quarter) = if gable_to_street {
@@ -132,11 +127,8 @@ fn house(b: &mut Builder, plot: i32) {
         (half_x, half_y, 0.0)
     };
     let height = across * (0.75 + 0.3 * pick(8));
-    let ridge = if pick(9) < 0.65 {
-        along + 0.2
-    } else {
-        along * 0.5
-    };
+    let gabled = pick(9) < 0.65;
+    let ridge = if gabled { along + 0.2 } else { along * 0.5 };
     let tiles = Paint::two(Material::Roof, choose(&TILES, pick(10)), tint);
     let size = [along + 0.2, across + 0.4, height, ridge];
     b.roof(size, [0.0, 0.0, eaves - 0.1], quarter, tiles);

@@ -10,9 +10,9 @@ fn small() -> BuiltinOptions {
 }
 
 /// What the pixel's centre shows.
-fn meet<'a>(place: &'a Place, camera: &Camera, x: f64, y: f64) -> (Thing<'a>, f64) {
+fn meet<'a>(world: &'a World, camera: &Camera, x: f64, y: f64) -> (Thing<'a>, f64) {
     let aim = Aim::new(camera, x, y);
-    let (thing, t) = place.meet(aim.origin, aim.direction);
+    let (thing, t) = world.meet(aim.origin, aim.direction);
     (thing, f64::from(t) / aim.length)
 }
 
@@ -75,15 +75,15 @@ fn depth_agrees_between_views() {
             let Some((at, expected)) = other.project(point) else {
                 continue;
             };
-            let (_, met) = meet(place(), other, at.x, at.y);
+            let (_, met) = meet(world(), other, at.x, at.y);
             // A ray that grazes a surface may slip past it by the accuracy of f32.
             if (met - expected).abs() < 2e-3 * expected {
                 seen += 1;
             } else if met < expected {
                 hidden += 1;
             } else {
-                let (_, beside) = meet(place(), other, at.x + 0.02, at.y);
-                let (_, before) = meet(place(), other, at.x - 0.02, at.y);
+                let (_, beside) = meet(world(), other, at.x + 0.02, at.y);
+                let (_, before) = meet(world(), other, at.x - 0.02, at.y);
                 assert!(
                     beside.min(before) < expected * 1.02,
                     "pixel {x},{y}: {met} instead of {expected}"
@@ -150,7 +150,7 @@ fn every_photo_has_statue_near_far_and_sky() {
         let [mut statue, mut middle, mut near, mut far, mut sky] = [0; 5];
         for y in 0..48 {
             for x in 0..64 {
-                let (thing, depth) = meet(place(), camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
+                let (thing, depth) = meet(world(), camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
                 let central = (22..42).contains(&x) && (8..36).contains(&y);
                 middle += i32::from(central);
                 statue += i32::from(central && (matches!(thing, Thing::Statue) || depth < 7.5));

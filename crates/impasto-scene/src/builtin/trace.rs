@@ -6,16 +6,17 @@ use glam::{Vec2, Vec3};
 
 use super::bvh::Bvh;
 use super::ground;
-use super::materials::{Surface, surface};
+use super::materials::surface;
 use super::noise::{fbm3, smoothstep};
 use super::place::{PLINTH_TURN, STEPS, solids};
 use super::sky::{SUN, SUN_LIGHT, ambient, backdrop, gradient, rgb};
 use super::solids::{Contact, Solid};
 use super::statue::Statue;
+use super::surface::Surface;
 
-/// The whole place, ready for rays.
+/// The whole scene, ready for rays.
 #[derive(Debug)]
-pub struct Place {
+pub struct World {
     solids: Bvh,
     statue: Statue,
 }
@@ -32,16 +33,16 @@ pub enum Thing<'a> {
     Solid(&'a Solid, Contact),
 }
 
-/// The place; built once, on first use.
-pub fn place() -> &'static Place {
-    static PLACE: OnceLock<Place> = OnceLock::new();
-    PLACE.get_or_init(|| Place {
+/// The scene; built once, on first use.
+pub fn world() -> &'static World {
+    static WORLD: OnceLock<World> = OnceLock::new();
+    WORLD.get_or_init(|| World {
         solids: Bvh::new(solids()),
         statue: Statue::new(),
     })
 }
 
-impl Place {
+impl World {
     /// What the unit ray meets and how far away; infinite for the backdrop.
     pub fn meet(&self, origin: Vec3, direction: Vec3) -> (Thing<'_>, f32) {
         let mut nearest = (Thing::Backdrop, f32::INFINITY);
@@ -60,7 +61,7 @@ impl Place {
 
     /// Linear colour along the unit ray and the distance to what was met. `pixel` is the angle
     /// (radians) that a pixel spans.
-    pub fn look(&self, origin: Vec3, direction: Vec3, pixel: f32) -> (Vec3, f32) {
+    pub fn radiance(&self, origin: Vec3, direction: Vec3, pixel: f32) -> (Vec3, f32) {
         let (thing, t) = self.meet(origin, direction);
         let point = origin + direction * t;
         // The geometric mean of a pixel's extent along and across the slope.
@@ -118,21 +119,12 @@ impl Place {
         let openness = self.statue.openness(point, normal);
         let cloudy = fbm3(point, 2.2, 5, footprint);
         let streaks = fbm3(point * Vec3::new(3.0, 3.0, 0.5), 2.4, 3, footprint);
-        let patina = smoothstep(
-            -0.15,
-            0.5,
-            0.75 * cloudy + 0.55 * streaks + 0.3 * normal.z - 0.05,
-        );
-        let metal = rgb(0x6E4628).lerp(
-            rgb(0xA8743C),
-            smoothstep(-0.3, 0.5, fbm3(point, 6.0, 3, footprint)),
-        );
+        let wet = 0.75 * cloudy + 0.55 * streaks + 0.3 * normal.z - 0.05;
+        let patina = smoothstep(-0.15, 0.5, wet);
+        let worn = smoothstep(-0.3, 0.5, fbm3(point, 6.0, 3, footprint));
+        let metal = rgb(0x6E4628).lerp(rgb(0xA8743C), worn);
         let verdigris = rgb(0x4F8F7C).lerp(rgb(0x86B8A0), 0.5 + 0.5 * streaks);
-        let grain = Vec3::new(
-            fbm3(point + 3.0, 14.0, 2, footprint),
-            fbm3(point + 13.0, 14.0, 2, footprint),
-            fbm3(point + 23.0, 14.0, 2, footprint),
-        );
+        let grain = [3.0, 13.0, 23.0].map(|shift| fbm3(point + shift, 14.0, 2, footprint));
         let gilt = self.statue.gilding(point);
         let dull = patina * (1.0 - gilt);
         Surface {
@@ -142,7 +134,7 @@ impl Place {
             mirror: 0.16 - 0.11 * dull,
             ..Surface::matte(
                 metal.lerp(verdigris, patina).lerp(rgb(0xDDA83E), gilt),
-                (normal + 0.22 * grain).normalize(),
+                (normal + 0.22 * Vec3::from(grain)).normalize(),
             )
         }
     }

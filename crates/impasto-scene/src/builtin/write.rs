@@ -52,19 +52,15 @@ pub fn write_capture(dir: &Path, options: &BuiltinOptions) -> Result<(), WriteCa
     for (index, camera) in cameras.iter().enumerate() {
         let view = render(camera);
         let path = dir.join(photo_name(index));
-        view.pixels
-            .save(&path)
-            .map_err(|source| WriteCaptureError::Photo { path, source })?;
-        write_file(
-            dir.join(depth_name(index)),
-            &npy::encode(&view.depth, view.pixels.width(), view.pixels.height()),
-        )?;
+        let saved = view.pixels.save(&path);
+        saved.map_err(|source| WriteCaptureError::Photo { path, source })?;
+        let (width, height) = view.pixels.dimensions();
+        let depth = npy::encode(&view.depth, width, height);
+        write_file(dir.join(depth_name(index)), &depth)?;
     }
     write_file(dir.join("README.txt"), README.as_bytes())?;
-    write_file(
-        dir.join("transforms.json"),
-        format!("{:#}\n", transforms(&cameras)).as_bytes(),
-    )
+    let cameras = format!("{:#}\n", transforms(&cameras));
+    write_file(dir.join("transforms.json"), cameras.as_bytes())
 }
 
 fn photo_name(index: usize) -> String {

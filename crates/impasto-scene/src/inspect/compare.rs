@@ -1,15 +1,13 @@
-//! How photos look beside their neighbours, which show the same things.
-
-use std::collections::HashMap;
+//! Brightness and sharpness of photos beside their neighbours, which show the same things.
 
 use rayon::prelude::*;
 
-use super::look::{Look, Luma, WholeLook};
-use super::median;
 use super::neighbours::{Neighbour, Seen};
+use super::quality::{Luma, PhotoQuality, RegionQuality};
 use crate::scene::Photo;
+use crate::statistics::median;
 
-/// How a photo looks beside its neighbours.
+/// Brightness and sharpness of a photo beside its neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Comparison {
     /// Logarithm of its detail over theirs.
@@ -34,87 +32,73 @@ fn stops(ratio: f64) -> f64 {
     2.2 * ratio.log2()
 }
 
-/// Looks of all photos.
-pub(super) fn looks(photos: &[Photo], seen: &[Seen]) -> Vec<(WholeLook, PointLooks)> {
-    let look = |(photo, seen): (&Photo, &Seen)| {
-        let luma = Luma::of(&photo.pixels);
-        let around = seen
-            .iter()
-            .filter_map(|(point, pixel)| Some((*point, luma.around(*pixel)?)));
-        (luma.whole(), around.collect())
-    };
-    photos.par_iter().zip(seen).map(look).collect()
+/// Brightness and detail of all photos, as wholes and at their points.
+pub(super) fn qualities(photos: &[Photo], seen: &[Seen]) -> Vec<PhotoQuality> {
+    let pairs = photos.par_iter().zip(seen);
+    let qualities = pairs.map(|(photo, seen)| Luma::of(&photo.pixels).quality(seen));
+    qualities.collect()
 }
-
-/// Looks around the sparse points that a photo sees.
-pub(super) type PointLooks = HashMap<usize, Look>;
 
 /// Compares every photo with its neighbours; `None` where there are too few.
 pub(super) fn compare(
-    looks: &[(WholeLook, PointLooks)],
+    qualities: &[PhotoQuality],
     neighbours: &[Vec<Neighbour>],
 ) -> Vec<Option<Comparison>> {
-    let compared = (0..looks.len()).into_par_iter().map(|index| {
+    let compared = (0..qualities.len()).into_par_iter().map(|index| {
         let near: Vec<usize> = neighbours[index]
             .iter()
             .filter(|n| n.overlap >= 0.2)
             .take(COMPARED)
             .map(|n| n.photo)
             .collect();
-        at_points(looks, index, &near).or_else(|| as_wholes(looks, index, &near))
+        at_points(qualities, index, &near).or_else(|| as_wholes(qualities, index, &near))
     });
     compared.collect()
 }
 
-fn at_points(
-    looks: &[(WholeLook, PointLooks)],
-    index: usize,
-    near: &[usize],
-) -> Option<Comparison> {
-    let own = &looks[index].1;
+fn at_points(qualities: &[PhotoQuality], index: usize, near: &[usize]) -> Option<Comparison> {
+    let own = &qualities[index].at_points;
     let [mut details, mut brighter] = [Vec::new(), Vec::new()];
     for &photo in near {
-        let other = &looks[photo].1;
-        let shared: Vec<(&Look, &Look)> = own
+        let other = &qualities[photo].at_points;
+        let shared: Vec<(&RegionQuality, &RegionQuality)> = own
             .iter()
-            .filter_map(|(point, look)| Some((look, other.get(point)?)))
+            .filter_map(|(point, quality)| Some((quality, other.get(point)?)))
             .collect();
         if shared.len() < LEAST_POINTS {
             continue;
         }
         details.push(median(shared.iter().map(|(a, b)| a.detail - b.detail))?);
         // The floor keeps the noise of black pixels from becoming stops.
-        let ratio = |(a, b): &(&Look, &Look)| stops((a.brightness + 4.0) / (b.brightness + 4.0));
+        let ratio = |(a, b): &(&RegionQuality, &RegionQuality)| {
+            stops((a.brightness + 4.0) / (b.brightness + 4.0))
+        };
         brighter.push(median(shared.iter().map(ratio))?);
     }
     if details.len() < FEWEST {
         return None;
     }
     Some(Comparison {
-        detail: median(details.into_iter())?,
+        detail: median(details)?,
         slope: 0.0,
-        stops: median(brighter.into_iter())?,
+        stops: median(brighter)?,
         at_points: true,
     })
 }
 
-fn as_wholes(
-    looks: &[(WholeLook, PointLooks)],
-    index: usize,
-    near: &[usize],
-) -> Option<Comparison> {
+fn as_wholes(qualities: &[PhotoQuality], index: usize, near: &[usize]) -> Option<Comparison> {
     if near.len() < FEWEST {
         return None;
     }
-    let own = &looks[index].0;
-    let against = |of: fn(&WholeLook) -> f64| {
-        let others = near.iter().map(|photo| of(&looks[*photo].0));
+    let own = &qualities[index];
+    let against = |of: fn(&PhotoQuality) -> f64| {
+        let others = near.iter().map(|photo| of(&qualities[*photo]));
         Some(of(own) - median(others)?)
     };
     Some(Comparison {
-        detail: against(|l| l.look.detail)?,
-        slope: against(|l| l.slope)?,
-        stops: against(|l| stops(l.look.brightness + 4.0))?,
+        detail: against(|q| q.whole.detail)?,
+        slope: against(|q| q.slope)?,
+        stops: against(|q| stops(q.whole.brightness + 4.0))?,
         at_points: false,
     })
 }

@@ -4,12 +4,12 @@ use glam::{DMat3, DVec3};
 use serde::Serialize;
 
 use crate::camera::{Camera, Intrinsics};
-use crate::paths::shape::{Shape, largest_gap};
+use crate::paths::camera_geometry::{CameraGeometry, largest_gap};
 use crate::scene::Scene;
 
 /// Photos with one lens and size.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Lens {
+pub struct LensUse {
     /// Image width, pixels.
     pub w: u32,
     /// Image height, pixels.
@@ -27,7 +27,7 @@ pub struct Lens {
 /// How a capture was walked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Walk {
+pub enum CapturePattern {
     /// Cameras look at something from around it.
     Around,
     /// All cameras look about the same way.
@@ -40,9 +40,9 @@ pub enum Walk {
 
 /// Where cameras stand.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Layout {
+pub struct CameraLayout {
     /// How the capture was walked.
-    pub walk: Walk,
+    pub walk: CapturePattern,
     /// Size of the box around all cameras in the capture's units: across and along the mean
     /// viewing direction (or their widest spread), and up.
     pub extent: [f64; 3],
@@ -61,12 +61,12 @@ const MOST: f64 = 0.7;
 const ONE_WAY: f64 = 0.85;
 
 /// The lenses, those with most photos first.
-pub(super) fn lenses(scene: &Scene) -> Vec<Lens> {
-    let mut lenses: Vec<Lens> = Vec::new();
+pub(super) fn lenses(scene: &Scene) -> Vec<LensUse> {
+    let mut lenses: Vec<LensUse> = Vec::new();
     for photo in &scene.photos {
         let one = lens(&photo.camera);
-        let same = |l: &&mut Lens| {
-            Lens {
+        let same = |l: &&mut LensUse| {
+            LensUse {
                 photos: 1,
                 ..(**l).clone()
             } == one
@@ -80,7 +80,7 @@ pub(super) fn lenses(scene: &Scene) -> Vec<Lens> {
     lenses
 }
 
-fn lens(camera: &Camera) -> Lens {
+fn lens(camera: &Camera) -> LensUse {
     let k: &Intrinsics = &camera.intrinsics;
     let (w, h) = (f64::from(k.width), f64::from(k.height));
     let between = |a: (f64, f64), b: (f64, f64)| {
@@ -88,7 +88,7 @@ fn lens(camera: &Camera) -> Lens {
         // To a tenth, so that rounding in a file makes no second lens.
         (a.angle_between(b).to_degrees() * 10.0).round() / 10.0
     };
-    Lens {
+    LensUse {
         w: k.width,
         h: k.height,
         fov_x: between((0.0, k.cy), (w, k.cy)),
@@ -107,31 +107,31 @@ pub(super) fn off_axis(camera: &Camera, point: DVec3) -> f64 {
     camera.forward().angle_between(arm).to_degrees()
 }
 
-pub(super) fn layout(scene: &Scene, cameras: &[Camera], shape: &Shape) -> Layout {
+pub(super) fn layout(scene: &Scene, cameras: &[Camera], geometry: &CameraGeometry) -> CameraLayout {
     let share = |holds: &dyn Fn(&Camera) -> bool| {
         cameras.iter().filter(|c| holds(c)).count() as f64 / cameras.len().max(1) as f64
     };
-    let convergence = share(&|c| off_axis(c, shape.target) < LOOKS_AT);
-    let away = share(&|c| off_axis(c, shape.target) > 180.0 - LOOKS_AT);
-    let walk = if shape.gaze.length() > ONE_WAY {
-        Walk::ForwardFacing
+    let convergence = share(&|c| off_axis(c, geometry.target) < LOOKS_AT);
+    let away = share(&|c| off_axis(c, geometry.target) > 180.0 - LOOKS_AT);
+    let walk = if geometry.gaze.length() > ONE_WAY {
+        CapturePattern::ForwardFacing
     } else if convergence >= MOST {
-        Walk::Around
+        CapturePattern::Around
     } else if away >= MOST {
-        Walk::Outward
+        CapturePattern::Outward
     } else {
-        Walk::WalkThrough
+        CapturePattern::WalkThrough
     };
-    let axes = shape.axes(cameras);
+    let axes = geometry.axes(cameras);
     let centres = || cameras.iter().map(Camera::centre);
     let local = |v: DVec3| DMat3::from_cols(axes[0], axes[1], axes[2]).transpose() * v;
     let least = centres().map(local).fold(DVec3::INFINITY, DVec3::min);
     let most = centres().map(local).fold(DVec3::NEG_INFINITY, DVec3::max);
     let azimuth = |centre: DVec3| {
-        let arm = local(centre - shape.target);
+        let arm = local(centre - geometry.target);
         arm.y.atan2(arm.x)
     };
-    Layout {
+    CameraLayout {
         walk,
         extent: ((most - least) / scene.normalisation.scale).to_array(),
         convergence,

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::paths::shape::Shape;
+use crate::paths::camera_geometry::CameraGeometry;
 use crate::scene::Scene;
 
 /// Another photo that shows part of what a photo shows.
@@ -70,17 +70,17 @@ const DEPTHS: [f64; 3] = [0.7, 1.0, 1.6];
 /// Photos of one thing from directions farther apart than this (60°) look too different to share
 /// anything: features are not found again, and exposure differs for good reasons.
 const LEAST_ALIGNMENT: f64 = 0.5;
-/// Photos that are looked at for each.
+/// Photos that are compared with each.
 const CANDIDATES: usize = 32;
 
 /// Per photo its neighbours by cameras alone, the most similar views first. The place is assumed at
 /// about the distance of what the cameras look at.
-pub(super) fn by_views(cameras: &[Camera], shape: &Shape) -> Vec<Vec<Neighbour>> {
+pub(super) fn by_views(cameras: &[Camera], geometry: &CameraGeometry) -> Vec<Vec<Neighbour>> {
     (0..cameras.len())
         .into_par_iter()
         .map(|index| {
             let camera = &cameras[index];
-            let depth = assumed_depth(camera, shape);
+            let depth = assumed_depth(camera, geometry);
             let view = view(camera, depth);
             let others = candidates(cameras, index, depth).into_iter().map(|photo| {
                 let visible = view.iter().filter(|p| sees(&cameras[photo], **p)).count();
@@ -116,12 +116,12 @@ fn candidates(cameras: &[Camera], index: usize, depth: f64) -> Vec<usize> {
 }
 
 /// How far away a camera's subject may be: what all look at, where it lies ahead.
-fn assumed_depth(camera: &Camera, shape: &Shape) -> f64 {
-    let ahead = (shape.target - camera.centre()).dot(camera.forward());
-    if ahead > 0.3 * shape.extent {
+fn assumed_depth(camera: &Camera, geometry: &CameraGeometry) -> f64 {
+    let ahead = (geometry.target - camera.centre()).dot(camera.forward());
+    if ahead > 0.3 * geometry.extent {
         ahead
     } else {
-        3.0 * shape.extent
+        3.0 * geometry.extent
     }
 }
 

@@ -7,8 +7,14 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use super::layout::off_axis;
-use super::{Measured, PhotoFacts, Walk, median};
+use super::compare::Comparison;
+use super::facts::PhotoFacts;
+use super::layout::{CameraLayout, CapturePattern, off_axis};
+use super::quality::PhotoQuality;
+use crate::camera::Camera;
+use crate::paths::camera_geometry::CameraGeometry;
+use crate::scene::{Photo, Scene};
+use crate::statistics::{median, quantile};
 
 /// What is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -77,160 +83,141 @@ const FAR_OUT: f64 = 4.0;
 const ERROR_TIMES: f64 = 3.0;
 const ERROR_SHARE: f64 = 0.0015;
 
+/// Everything measured, for the judges.
+pub(super) struct Measurements<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) cameras: &'a [Camera],
+    pub(super) geometry: &'a CameraGeometry,
+    pub(super) layout: &'a CameraLayout,
+    pub(super) facts: &'a [PhotoFacts],
+    pub(super) compared: &'a [Option<Comparison>],
+    pub(super) qualities: &'a [PhotoQuality],
+}
+
 /// All problems, the worst first.
-pub(super) fn found(measured: &Measured<'_>) -> Vec<Problem> {
-    let mut all = copies(measured);
+pub(super) fn find(measured: &Measurements<'_>) -> Vec<Problem> {
+    let mut all = copies(&measured.scene.photos);
     let usual_error = median(measured.facts.iter().filter_map(|f| f.reprojection_error));
-    let usual_reach = usual_reach(measured);
-    for index in 0..measured.facts.len() {
-        let blank = blank(measured, index);
-        // A blank photo is unlike its neighbours in every way: once is enough.
-        if blank.is_some() {
-            all.extend(blank);
-            continue;
-        }
-        all.extend(blurred(measured, index));
-        all.extend(exposed(measured, index));
-        all.extend(
-            apart(measured, index, usual_reach)
-                .or_else(|| turned(measured, index))
-                .or_else(|| lonely(&measured.facts[index])),
-        );
-        all.extend(usual_error.and_then(|usual| misplaced(measured, index, usual)));
+    let middle = measured.geometry.middle;
+    let reach = |camera: &Camera| camera.centre().distance(middle);
+    let usual_reach = quantile(measured.cameras.iter().map(reach), 0.75).unwrap_or(0.0);
+    for (index, facts) in measured.facts.iter().enumerate() {
+        let camera = &measured.cameras[index];
+        let size = measured.scene.photos[index].pixels.dimensions();
+        let compared = measured.compared[index];
+        let found = match blank(&measured.qualities[index]) {
+            // A blank photo is unlike its neighbours in every way: once is enough.
+            Some(blank) => vec![blank],
+            None => [
+                compared.and_then(blurred),
+                compared.and_then(exposed),
+                apart(reach(camera), usual_reach)
+                    .or_else(|| turned(measured, camera))
+                    .or_else(|| lonely(facts)),
+                usual_error.and_then(|usual| misplaced(facts, size, usual)),
+            ]
+            .into_iter()
+            .flatten()
+            .collect(),
+        };
+        all.extend(found.into_iter().map(|problem| Problem {
+            photo: facts.photo.clone(),
+            ..problem
+        }));
     }
     all.sort_by(|a, b| {
-        b.severity
-            .total_cmp(&a.severity)
-            .then(a.photo.cmp(&b.photo))
+        let worse = b.severity.total_cmp(&a.severity);
+        worse.then(a.photo.cmp(&b.photo))
     });
     all
 }
 
-fn problem(
-    facts: &PhotoFacts,
-    kind: ProblemKind,
-    severity: f64,
-    (problem, advice): (String, &str),
-) -> Problem {
-    Problem {
-        photo: facts.photo.clone(),
-        kind,
-        problem,
-        advice: advice.to_owned(),
-        severity,
+impl ProblemKind {
+    fn problem(self, severity: f64, problem: String, advice: &str) -> Problem {
+        Problem {
+            photo: String::new(),
+            kind: self,
+            problem,
+            advice: advice.to_owned(),
+            severity,
+        }
     }
 }
 
-fn blank(measured: &Measured<'_>, index: usize) -> Option<Problem> {
-    let contrast = measured.looks[index].0.contrast;
-    let text = (
-        "shows next to nothing: nearly all of it has one brightness".to_owned(),
-        "leave it out",
-    );
-    (contrast < LEAST_CONTRAST)
-        .then(|| problem(&measured.facts[index], ProblemKind::Blank, 3.0, text))
+fn blank(quality: &PhotoQuality) -> Option<Problem> {
+    (quality.contrast < LEAST_CONTRAST).then(|| {
+        let problem = "shows next to nothing: nearly all of it has one brightness";
+        ProblemKind::Blank.problem(3.0, problem.into(), "leave it out")
+    })
 }
 
-fn blurred(measured: &Measured<'_>, index: usize) -> Option<Problem> {
-    let compared = measured.compared[index]?;
-    let (detail, least) = (
-        compared.detail,
-        match compared.at_points {
-            true => BLURRED_AT_POINTS,
-            false => BLURRED,
-        },
-    );
+fn blurred(compared: Comparison) -> Option<Problem> {
+    let detail = compared.detail;
+    let least = if compared.at_points {
+        BLURRED_AT_POINTS
+    } else {
+        BLURRED
+    };
     let slope = compared.at_points || compared.slope < BLURRED_SLOPE || detail < SMEARED;
     if detail >= least || !slope {
         return None;
     }
     let much = if detail < 2.0 * least { "much " } else { "" };
-    let text = (
-        format!(
-            "is {much}blurrier than its neighbours ({:.0} % of their fine detail)",
-            100.0 * detail.exp()
-        ),
-        "leave it out or retake it",
+    let problem = format!(
+        "is {much}blurrier than its neighbours ({:.0} % of their fine detail)",
+        100.0 * detail.exp()
     );
-    let facts = &measured.facts[index];
-    Some(problem(facts, ProblemKind::Blur, detail / least, text))
+    let advice = "leave it out or retake it";
+    Some(ProblemKind::Blur.problem(detail / least, problem, advice))
 }
 
-fn exposed(measured: &Measured<'_>, index: usize) -> Option<Problem> {
-    let compared = measured.compared[index]?;
-    let most = match compared.at_points {
-        true => STOPS_AT_POINTS,
-        false => STOPS,
+fn exposed(compared: Comparison) -> Option<Problem> {
+    let most = if compared.at_points {
+        STOPS_AT_POINTS
+    } else {
+        STOPS
     };
     let stops = compared.stops;
     if stops.abs() <= most {
         return None;
     }
     let how = if stops > 0.0 { "brighter" } else { "darker" };
-    let text = (
-        format!("is {:.1} stops {how} than its neighbours", stops.abs()),
-        "even out its exposure in a photo editor, or retake it with the exposure locked",
-    );
-    let facts = &measured.facts[index];
-    Some(problem(
-        facts,
-        ProblemKind::Exposure,
-        stops.abs() / most,
-        text,
-    ))
+    let problem = format!("is {:.1} stops {how} than its neighbours", stops.abs());
+    let advice = "even out its exposure in a photo editor, or retake it with the exposure locked";
+    Some(ProblemKind::Exposure.problem(stops.abs() / most, problem, advice))
 }
 
 /// A photo that looks away from what nearly all others look at.
-fn turned(measured: &Measured<'_>, index: usize) -> Option<Problem> {
-    let one_place = matches!(measured.layout.walk, Walk::Around | Walk::ForwardFacing);
-    let angle = off_axis(&measured.cameras[index], measured.shape.target);
+fn turned(measured: &Measurements<'_>, camera: &Camera) -> Option<Problem> {
+    let pattern = measured.layout.walk;
+    let one_place = matches!(
+        pattern,
+        CapturePattern::Around | CapturePattern::ForwardFacing
+    );
+    let angle = off_axis(camera, measured.geometry.target);
     if !one_place || measured.layout.convergence < CONVERGED || angle < TURNED {
         return None;
     }
-    let text = (
-        format!("looks {angle:.0}° away from what the other photos show"),
-        "check its pose and leave it out if that is wrong, else take more photos that way",
-    );
-    let facts = &measured.facts[index];
-    Some(problem(facts, ProblemKind::Direction, angle / TURNED, text))
+    let problem = format!("looks {angle:.0}° away from what the other photos show");
+    let advice = "check its pose and leave it out if that is wrong, else take more photos that way";
+    Some(ProblemKind::Direction.problem(angle / TURNED, problem, advice))
 }
 
-/// Distance from the cameras' middle that three quarters of them keep.
-fn usual_reach(measured: &Measured<'_>) -> f64 {
-    let mut reach: Vec<f64> = measured
-        .cameras
-        .iter()
-        .map(|c| c.centre().distance(measured.shape.middle))
-        .collect();
-    reach.sort_by(f64::total_cmp);
-    reach.get(reach.len() * 3 / 4).copied().unwrap_or(0.0)
-}
-
-fn apart(measured: &Measured<'_>, index: usize, usual: f64) -> Option<Problem> {
-    let reach = measured.cameras[index]
-        .centre()
-        .distance(measured.shape.middle);
+/// A camera `reach` from the middle of all, of which three quarters are nearer than `usual`.
+fn apart(reach: f64, usual: f64) -> Option<Problem> {
     if usual <= 0.0 || reach <= FAR_OUT * usual {
         return None;
     }
-    let text = (
-        format!(
-            "stands {:.0} times as far out as the others, so that all else is squeezed together",
-            reach / usual
-        ),
-        "leave it out: its pose is likely wrong",
+    let problem = format!(
+        "stands {:.0} times as far out as the others, so that all else is squeezed together",
+        reach / usual
     );
-    let facts = &measured.facts[index];
-    Some(problem(
-        facts,
-        ProblemKind::Distance,
-        reach / usual / FAR_OUT,
-        text,
-    ))
+    let advice = "leave it out: its pose is likely wrong";
+    Some(ProblemKind::Distance.problem(reach / usual / FAR_OUT, problem, advice))
 }
 
 fn lonely(facts: &PhotoFacts) -> Option<Problem> {
-    let (problem_text, severity) = match facts.shared_points {
+    let (problem, severity) = match facts.shared_points {
         Some(shared) if shared < LEAST_SHARED => (
             format!("has only {shared} points in common with its second-best neighbour"),
             LEAST_SHARED as f64 / (shared as f64 + 1.0),
@@ -244,54 +231,42 @@ fn lonely(facts: &PhotoFacts) -> Option<Problem> {
         ),
         _ => return None,
     };
-    let text = (
-        problem_text,
-        "take more photos from near it, or leave it out",
-    );
-    Some(problem(facts, ProblemKind::Overlap, severity, text))
+    let advice = "take more photos from near it, or leave it out";
+    Some(ProblemKind::Overlap.problem(severity, problem, advice))
 }
 
-fn misplaced(measured: &Measured<'_>, index: usize, usual: f64) -> Option<Problem> {
-    let facts = &measured.facts[index];
+/// A camera whose points are farther from where it puts them than those of others, `usual` pixels.
+fn misplaced(facts: &PhotoFacts, size: (u32, u32), usual: f64) -> Option<Problem> {
     let error = facts.reprojection_error.filter(|error| !error.is_nan())?;
-    let (w, h) = measured.scene.photos[index].pixels.dimensions();
-    let most = (ERROR_TIMES * usual).max(ERROR_SHARE * f64::from(w.max(h)));
+    let most = (ERROR_TIMES * usual).max(ERROR_SHARE * f64::from(size.0.max(size.1)));
     if error <= most {
         return None;
     }
-    let seen = match error.is_finite() {
-        true => format!("sees its points {error:.1} pixels off (the others {usual:.1})"),
-        false => "has most of its points behind its camera".to_owned(),
+    let problem = if error.is_finite() {
+        format!("sees its points {error:.1} pixels off (the others {usual:.1})")
+    } else {
+        "has most of its points behind its camera".to_owned()
     };
-    let text = (
-        seen,
-        "leave it out, or estimate the poses again: its pose or its lens is wrong",
-    );
-    Some(problem(
-        facts,
-        ProblemKind::Pose,
-        (error / most).min(1e3),
-        text,
-    ))
+    let advice = "leave it out, or estimate the poses again: its pose or its lens is wrong";
+    Some(ProblemKind::Pose.problem((error / most).min(1e3), problem, advice))
 }
 
 /// Photos whose pixels were already there under another name.
-fn copies(measured: &Measured<'_>) -> Vec<Problem> {
+fn copies(photos: &[Photo]) -> Vec<Problem> {
     let mut first: HashMap<&[u8], &str> = HashMap::new();
     let mut all = Vec::new();
-    for (photo, facts) in measured.scene.photos.iter().zip(measured.facts) {
-        match first.get(&photo.pixels.as_raw()[..]) {
-            Some(other) => {
-                let text = (
-                    format!("has the same pixels as {other}"),
-                    "leave one of the two out",
-                );
-                all.push(problem(facts, ProblemKind::Copy, 1.5, text));
-            }
-            None => {
-                first.insert(photo.pixels.as_raw(), &photo.name);
-            }
-        }
+    for photo in photos {
+        let pixels = photo.pixels.as_raw().as_slice();
+        let Some(other) = first.get(pixels) else {
+            first.insert(pixels, &photo.name);
+            continue;
+        };
+        let problem = format!("has the same pixels as {other}");
+        let advice = "leave one of the two out";
+        all.push(Problem {
+            photo: photo.name.clone(),
+            ..ProblemKind::Copy.problem(1.5, problem, advice)
+        });
     }
     all
 }

@@ -1,17 +1,18 @@
 //! A capture at a glance: its cameras and sparse points from above and from a side.
 
-mod canvas;
+mod raster;
 
 use glam::{DVec2, DVec3};
 use image::RgbImage;
 
 use crate::camera::Camera;
-use crate::paths::shape::Shape;
+use crate::paths::camera_geometry::CameraGeometry;
 use crate::scene::{Scene, SparsePoint, Split};
-use canvas::{Canvas, Frame, Ink};
+use crate::statistics::median;
+use raster::{ClipBox, Ink, Raster};
 
 /// Size of a picture: two square panels side by side.
-const SIZE: (u32, u32) = (1200, 600);
+const SIZE: [u32; 2] = [1200, 600];
 const PANEL: f64 = 600.0;
 /// Room between a panel's edge and what is shown in it, in pixels.
 const MARGIN: f64 = 24.0;
@@ -33,20 +34,17 @@ const FARTHEST: f64 = 1.7;
 /// the unit ball, the cross is what the cameras look at. Both panels have the same horizontal
 /// axis: across the viewing direction where the cameras share one, else along their widest spread.
 pub fn picture(scene: &Scene) -> RgbImage {
-    let mut canvas = Canvas::new(SIZE, GROUND);
+    let mut raster = Raster::new(SIZE, GROUND);
     let cameras: Vec<Camera> = scene.photos.iter().map(|photo| photo.camera).collect();
     if cameras.is_empty() {
-        return canvas.picture();
+        return raster.picture();
     }
-    let shape = Shape::of(&cameras);
-    let [across, away, up] = shape.axes(&cameras);
-    let bounds = Bounds::of(scene, &shape, [across, away, up]);
+    let geometry = CameraGeometry::of(&cameras);
+    let [across, away, up] = geometry.axes(&cameras);
+    let bounds = Bounds::of(scene, &geometry, [across, away, up]);
     let reach = wedge_length(&cameras, bounds.half);
-    for (index, [right, above, towards]) in [[across, away, up], [across, up, -away]]
-        .into_iter()
-        .enumerate()
+    for (left, [right, above, towards]) in [(0.0, [across, away, up]), (PANEL, [across, up, -away])]
     {
-        let left = index as f64 * PANEL;
         let panel = Panel {
             right,
             above,
@@ -54,20 +52,20 @@ pub fn picture(scene: &Scene) -> RgbImage {
             centre: bounds.centre,
             origin: DVec2::new(left + 0.5 * PANEL, 0.5 * PANEL),
             scale: (0.5 * PANEL - MARGIN) / bounds.half,
-            frame: Frame {
+            clip: ClipBox {
                 from: DVec2::new(left, 0.0),
                 to: DVec2::new(left + PANEL, PANEL),
             },
         };
-        panel.draw(&mut canvas, scene, shape.target, reach);
+        panel.draw(&mut raster, scene, geometry.target, reach);
     }
     let divider = [DVec2::new(PANEL, 0.0), DVec2::new(PANEL, PANEL)];
-    let whole = Frame {
+    let whole = ClipBox {
         from: DVec2::ZERO,
         to: DVec2::new(2.0 * PANEL, PANEL),
     };
-    canvas.line(&whole, divider, 1.0, solid(RULE));
-    canvas.picture()
+    raster.line(&whole, divider, 1.0, solid(RULE));
+    raster.picture()
 }
 
 fn solid(colour: [u8; 3]) -> Ink {
@@ -85,13 +83,16 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn of(scene: &Scene, shape: &Shape, axes: [DVec3; 3]) -> Self {
+    fn of(scene: &Scene, geometry: &CameraGeometry, axes: [DVec3; 3]) -> Self {
         let mut centre = DVec3::ZERO;
         let mut half: f64 = 1e-6;
         for axis in axes {
             let cameras = scene.photos.iter().map(|p| p.camera.centre().dot(axis));
-            let (mut least, mut most) =
-                span(cameras.chain([shape.target.dot(axis).clamp(-FARTHEST, FARTHEST)]));
+            let target = geometry.target.dot(axis).clamp(-FARTHEST, FARTHEST);
+            let (mut least, mut most) = (target, target);
+            for camera in cameras {
+                (least, most) = (least.min(camera), most.max(camera));
+            }
             let mut points: Vec<f64> = scene.points.iter().map(|p| p.position.dot(axis)).collect();
             points.sort_by(f64::total_cmp);
             let cut = (points.len() as f64 * OUTLIERS) as usize;
@@ -106,25 +107,15 @@ impl Bounds {
     }
 }
 
-fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), v| {
-        (least.min(v), most.max(v))
-    })
-}
-
 /// How long wedges are: about as far as the next camera, and always to be seen.
 fn wedge_length(cameras: &[Camera], half: f64) -> f64 {
-    let mut nearest: Vec<f64> = cameras
-        .iter()
-        .enumerate()
-        .map(|(i, camera)| {
-            let others = cameras.iter().enumerate().filter(|(j, _)| *j != i);
-            let distances = others.map(|(_, other)| other.centre().distance(camera.centre()));
-            distances.fold(f64::INFINITY, f64::min)
-        })
-        .collect();
-    nearest.sort_by(f64::total_cmp);
-    nearest[nearest.len() / 2].clamp(0.06 * half, 0.16 * half)
+    let nearest = cameras.iter().enumerate().map(|(i, camera)| {
+        let others = cameras.iter().enumerate().filter(|(j, _)| *j != i);
+        let distances = others.map(|(_, other)| other.centre().distance(camera.centre()));
+        distances.fold(f64::INFINITY, f64::min)
+    });
+    let usual = median(nearest).unwrap_or(half);
+    usual.clamp(0.06 * half, 0.16 * half)
 }
 
 /// One orthographic view.
@@ -134,11 +125,11 @@ struct Panel {
     /// Towards the viewer: what is farther along it covers the rest.
     towards: DVec3,
     centre: DVec3,
-    /// Where `centre` is on the canvas.
+    /// Where `centre` is on the picture.
     origin: DVec2,
     /// Pixels per scene unit.
     scale: f64,
-    frame: Frame,
+    clip: ClipBox,
 }
 
 impl Panel {
@@ -147,10 +138,10 @@ impl Panel {
         self.origin + DVec2::new(arm.dot(self.right), -arm.dot(self.above))
     }
 
-    fn draw(&self, canvas: &mut Canvas, scene: &Scene, target: DVec3, reach: f64) {
+    fn draw(&self, raster: &mut Raster, scene: &Scene, target: DVec3, reach: f64) {
         let ball = self.place(DVec3::ZERO);
-        canvas.circle(&self.frame, ball, (self.scale, 1.0), solid(RULE));
-        self.points(canvas, &scene.points);
+        raster.circle(&self.clip, ball, self.scale, solid(RULE));
+        self.points(raster, &scene.points);
         // Held-out cameras are few: they lie over the others.
         for split in [Split::Train, Split::Test] {
             for photo in scene.photos.iter().filter(|p| p.split == split) {
@@ -158,18 +149,18 @@ impl Panel {
                     Split::Train => TRAIN,
                     Split::Test => TEST,
                 };
-                self.wedge(canvas, &photo.camera, reach, colour);
+                self.wedge(raster, &photo.camera, reach, colour);
             }
         }
         let cross = self.place(target);
         for arm in [DVec2::X * 7.0, DVec2::Y * 7.0] {
             let ends = [cross - arm, cross + arm];
-            canvas.line(&self.frame, ends, 4.0, solid(GROUND));
-            canvas.line(&self.frame, ends, 1.5, solid([0; 3]));
+            raster.line(&self.clip, ends, 4.0, solid(GROUND));
+            raster.line(&self.clip, ends, 1.5, solid([0; 3]));
         }
     }
 
-    fn points(&self, canvas: &mut Canvas, points: &[SparsePoint]) {
+    fn points(&self, raster: &mut Raster, points: &[SparsePoint]) {
         let mut order: Vec<(f64, usize)> = points
             .iter()
             .enumerate()
@@ -181,12 +172,12 @@ impl Panel {
         for (_, index) in order {
             let point = &points[index];
             let at = self.place(point.position);
-            canvas.disc(&self.frame, at, radius, solid(point.colour));
+            raster.disc(&self.clip, at, radius, solid(point.colour));
         }
     }
 
     /// A camera as the pyramid that it sees.
-    fn wedge(&self, canvas: &mut Canvas, camera: &Camera, reach: f64, colour: [u8; 3]) {
+    fn wedge(&self, raster: &mut Raster, camera: &Camera, reach: f64, colour: [u8; 3]) {
         let k = &camera.intrinsics;
         let (width, height) = (f64::from(k.width), f64::from(k.height));
         let tip = self.place(camera.centre());
@@ -198,10 +189,10 @@ impl Panel {
         let ink = |opacity| Ink { colour, opacity };
         for i in 0..4 {
             let (a, b) = (corners[i], corners[(i + 1) % 4]);
-            canvas.triangle(&self.frame, [tip, a, b], ink(0.12));
-            canvas.line(&self.frame, [tip, a], 1.0, ink(0.7));
-            canvas.line(&self.frame, [a, b], 1.0, ink(0.7));
+            raster.triangle(&self.clip, [tip, a, b], ink(0.12));
+            raster.line(&self.clip, [tip, a], 1.0, ink(0.7));
+            raster.line(&self.clip, [a, b], 1.0, ink(0.7));
         }
-        canvas.disc(&self.frame, tip, 2.5, solid(colour));
+        raster.disc(&self.clip, tip, 2.5, solid(colour));
     }
 }

@@ -4,8 +4,9 @@ use glam::DMat4;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::pinhole::of_fov;
+use super::request::{PathError, cameras_of, check_request, rigid};
 use super::spline::Spline;
-use super::{PathError, check_request, of_fov};
 use crate::camera::Camera;
 use crate::normalise::Normalisation;
 use crate::pose;
@@ -88,10 +89,10 @@ impl CameraPath {
     /// rotation or whose field of view is impossible, by their number from 0.
     pub fn cameras(&self) -> Result<Vec<Camera>, PathError> {
         let keys = self.keys()?;
-        Ok(match self.even_speed {
-            true => Spline::centripetal(&keys, self.closed).even_cameras(self.frames()),
-            false => Spline::through(&keys, self.closed).cameras(self.frames()),
-        })
+        if self.even_speed {
+            return Ok(Spline::centripetal(&keys, self.closed).even_cameras(self.frames()));
+        }
+        Ok(Spline::through(&keys, self.closed).cameras(self.frames()))
     }
 
     fn keys(&self) -> Result<Vec<Camera>, PathError> {
@@ -109,15 +110,7 @@ impl CameraPath {
         }
         check_request(self.frames().max(self.keyframes.len()), self.size)?;
         check_request(self.frames(), self.size)?;
-        let keys = self.keyframes.iter().enumerate();
-        keys.map(|(index, key)| {
-            key.camera(self.size).map_err(|problem| PathError::Frame {
-                kind: "keyframe",
-                index,
-                problem,
-            })
-        })
-        .collect()
+        cameras_of("keyframe", &self.keyframes, |key| key.camera(self.size))
     }
 
     /// The text of a camera path of nerfstudio's, with the keyframes and every frame: in OpenGL axes
@@ -132,20 +125,18 @@ impl CameraPath {
             let capture = normalisation.pose_to_capture(camera.camera_to_world);
             pose::from_opengl(capture).transpose().to_cols_array()
         };
-        let frame = |camera: &Camera| json!({"camera_to_world": pose(camera), "fov": fov(camera), "aspect": aspect});
+        let frame = |camera: &Camera| json!({"camera_to_world": pose(camera), "fov": camera.fov(), "aspect": aspect});
         let keys = self.keys()?;
-        let parts = match self.closed {
-            true => keys.len(),
-            false => (keys.len() - 1).max(1),
-        };
+        let open = usize::from(!self.closed);
+        let parts = (keys.len() - open).max(1);
         let key = |(index, camera): (usize, &Camera)| {
             let time = index as f64 / parts as f64;
             let name = format!("Camera {index}");
             // Older viewers keep a list of pairs as a text.
-            let properties = json!([["FOV", fov(camera)], ["NAME", name], ["TIME", time]]);
+            let properties = json!([["FOV", camera.fov()], ["NAME", name], ["TIME", time]]);
             json!({
                 "matrix": pose(camera),
-                "fov": fov(camera),
+                "fov": camera.fov(),
                 "aspect": aspect,
                 "properties": properties.to_string(),
                 "override_transition_enabled": false,
@@ -160,7 +151,7 @@ impl CameraPath {
             "seconds": self.seconds,
             "is_cycle": self.closed,
             "smoothness_value": TENSION,
-            "default_fov": fov(&keys[0]),
+            "default_fov": keys[0].fov(),
             "default_transition_sec": self.seconds / parts as f64,
             "keyframes": keys.iter().enumerate().map(key).collect::<Vec<_>>(),
             "camera_path": self.cameras()?.iter().map(frame).collect::<Vec<_>>(),
@@ -179,24 +170,17 @@ impl Keyframe {
                 FOVS.end()
             ));
         }
-        let pose = pose::rigid(self.camera_to_world);
         Ok(Camera {
             intrinsics: of_fov(self.fov, size),
-            camera_to_world: pose.map_err(|problem| format!("its pose {problem}"))?,
+            camera_to_world: rigid(self.camera_to_world)?,
         })
     }
 }
 
-/// A camera's vertical field of view in degrees.
-fn fov(camera: &Camera) -> f64 {
-    let k = &camera.intrinsics;
-    2.0 * (0.5 * f64::from(k.height) / k.fl_y).atan().to_degrees()
-}
-
 /// A number without a decimal point where it needs none: some readers want whole frames a second.
 fn whole(number: f64) -> Value {
-    match number.fract() == 0.0 && number < 1e9 {
-        true => (number as u64).into(),
-        false => number.into(),
+    if number.fract() == 0.0 && number < 1e9 {
+        return (number as u64).into();
     }
+    number.into()
 }

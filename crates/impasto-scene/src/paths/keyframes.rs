@@ -9,8 +9,9 @@ use glam::DMat4;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::pinhole::{median_lens, of_fov};
+use super::request::{PathError, cameras_of, check_request, rigid};
 use super::spline::Spline;
-use super::{PathError, check_request, median_lens, of_fov};
 use crate::camera::{Camera, Intrinsics};
 use crate::normalise::Normalisation;
 use crate::pose;
@@ -44,6 +45,18 @@ struct PathFile {
     is_cycle: bool,
 }
 
+impl PathFile {
+    /// How many frames a path through so many keyframes has.
+    fn frames_between(&self, keys: usize) -> usize {
+        let stated = self.fps.zip(self.seconds);
+        let stated = stated.map(|(fps, seconds)| (fps * seconds).round() as usize);
+        let steps = if self.is_cycle { keys } else { keys - 1 };
+        stated
+            .filter(|&n| n > 0)
+            .unwrap_or(steps * FRAMES_PER_STEP + 1)
+    }
+}
+
 #[derive(Deserialize)]
 struct NerfstudioKey {
     #[serde(alias = "matrix")]
@@ -65,48 +78,25 @@ pub fn keyframes(json: &str, options: &KeyframeOptions<'_>) -> Result<Vec<Camera
         (Some(w), Some(h)) => Some((w.round() as u32, h.round() as u32)),
         _ => None,
     };
-    let (keys, default_frames) = match &file {
-        PathFile {
-            camera_path: Some(path),
-            ..
-        } if !path.is_empty() => {
-            let size = options.size.or(rendered);
-            (nerfstudio(path, "frame", size, options)?, path.len())
-        }
-        PathFile {
-            keyframes: Some(keys),
-            ..
-        } if !keys.is_empty() => {
-            let steps = if file.is_cycle {
-                keys.len()
-            } else {
-                keys.len() - 1
-            };
-            let stated = file
-                .fps
-                .zip(file.seconds)
-                .map(|(fps, seconds)| (fps * seconds).round() as usize);
-            let frames = stated
-                .filter(|&n| n > 0)
-                .unwrap_or(steps * FRAMES_PER_STEP + 1);
-            (
-                nerfstudio(keys, "keyframe", options.size.or(rendered), options)?,
-                frames,
-            )
-        }
-        PathFile {
-            frames: Some(frames),
-            ..
-        } if !frames.is_empty() => (ours(frames, options.size)?, frames.len()),
-        _ => {
-            return Err(PathError::Unreadable(
-                "the camera path has no frames; it needs a list \"frames\" (as in cameras.json), or \
-                 nerfstudio's \"camera_path\" or \"keyframes\""
-                    .into(),
-            ));
-        }
+    let size = options.size.or(rendered);
+    fn filled(list: &Option<Vec<Value>>) -> Option<&[Value]> {
+        list.as_deref().filter(|list| !list.is_empty())
+    }
+    let (keys, default_frames) = if let Some(path) = filled(&file.camera_path) {
+        (nerfstudio(path, "frame", size, options)?, path.len())
+    } else if let Some(keys) = filled(&file.keyframes) {
+        let frames = nerfstudio(keys, "keyframe", size, options)?;
+        (frames, file.frames_between(keys.len()))
+    } else if let Some(frames) = filled(&file.frames) {
+        (ours(frames, options.size)?, frames.len())
+    } else {
+        return Err(PathError::Unreadable(
+            "the camera path has no frames; it needs a list \"frames\" (as in cameras.json), or \
+             nerfstudio's \"camera_path\" or \"keyframes\""
+                .into(),
+        ));
     };
-    let size = (keys[0].intrinsics.width, keys[0].intrinsics.height);
+    let size = keys[0].intrinsics.size();
     let frames = options.frames.unwrap_or(default_frames);
     check_request(frames, size)?;
     if frames == keys.len() {
@@ -127,80 +117,55 @@ fn nerfstudio(
     size: Option<(u32, u32)>,
     options: &KeyframeOptions<'_>,
 ) -> Result<Vec<Camera>, PathError> {
-    let photo = options
-        .cameras
-        .first()
-        .map(|c| (c.intrinsics.width, c.intrinsics.height));
-    let Some(size) = size.or(photo) else {
-        return Err(PathError::TooFewCameras {
-            needed: 1,
-            given: 0,
-        });
-    };
+    let photo = options.cameras.first().map(|c| c.intrinsics.size());
+    let size = size.or(photo).ok_or_else(PathError::no_cameras)?;
     check_request(keys.len(), size)?;
-    let key = |(index, value): (usize, &Value)| {
-        let wrong = |problem: String| PathError::Frame {
-            kind,
-            index,
-            problem,
-        };
-        let key = NerfstudioKey::deserialize(value).map_err(|e| wrong(e.to_string()))?;
+    cameras_of(kind, keys, |value| {
+        let key = NerfstudioKey::deserialize(value).map_err(|e| e.to_string())?;
         let intrinsics = match key.fov {
             Some(fov) if fov > 0.0 && fov < 180.0 => of_fov(fov, size),
-            Some(fov) => {
-                return Err(wrong(format!(
-                    "a field of view of {fov} degrees is not possible"
-                )));
-            }
+            Some(fov) => return Err(format!("a field of view of {fov} degrees is not possible")),
             None => median_lens(options.cameras, size),
         };
-        let numbers: [f64; 16] = key.camera_to_world.as_slice().try_into().map_err(|_| {
-            wrong(format!(
+        let numbers: &[f64; 16] = key.camera_to_world.as_slice().try_into().map_err(|_| {
+            format!(
                 "its pose has {} numbers instead of 16",
                 key.camera_to_world.len()
-            ))
+            )
         })?;
-        let pose = pose::rigid(pose::from_opengl(
-            DMat4::from_cols_array(&numbers).transpose(),
-        ))
-        .map_err(|problem| wrong(format!("its pose {problem}")))?;
+        let pose = pose::from_opengl(DMat4::from_cols_array(numbers).transpose());
         Ok(Camera {
             intrinsics,
-            camera_to_world: options.normalisation.pose_to_scene(pose),
+            camera_to_world: options.normalisation.pose_to_scene(rigid(pose)?),
         })
-    };
-    keys.iter().enumerate().map(key).collect()
+    })
 }
 
 /// Frames of our own `cameras.json`.
 fn ours(frames: &[Value], size: Option<(u32, u32)>) -> Result<Vec<Camera>, PathError> {
-    let key = |(index, value): (usize, &Value)| {
-        let wrong = |problem: String| PathError::Frame {
-            kind: "frame",
-            index,
-            problem,
-        };
+    let mut cameras = cameras_of("frame", frames, |value| {
         if value.get("transform_matrix").is_some() {
-            return Err(wrong(
-                "this is a capture (transforms.json), not a camera path".into(),
-            ));
+            return Err("this is a capture (transforms.json), not a camera path".into());
         }
-        let mut camera = Camera::deserialize(value).map_err(|e| wrong(e.to_string()))?;
-        camera.intrinsics.check().map_err(&wrong)?;
-        camera.camera_to_world = pose::rigid(camera.camera_to_world)
-            .map_err(|problem| wrong(format!("its pose {problem}")))?;
-        if let Some(size) = size {
-            check_request(1, size)?;
+        let camera = Camera::deserialize(value).map_err(|e| e.to_string())?;
+        camera.intrinsics.check()?;
+        Ok(Camera {
+            camera_to_world: rigid(camera.camera_to_world)?,
+            ..camera
+        })
+    })?;
+    if let Some(size) = size {
+        check_request(1, size)?;
+        for camera in &mut cameras {
             camera.intrinsics = fitted(&camera.intrinsics, size);
         }
-        Ok(camera)
-    };
-    frames.iter().enumerate().map(key).collect()
+    }
+    Ok(cameras)
 }
 
 /// The lens on another pixel grid. A grid of another shape shows no more than the old one did.
-fn fitted(lens: &Intrinsics, (width, height): (u32, u32)) -> Intrinsics {
-    let scaled = lens.resized(width, height);
+fn fitted(lens: &Intrinsics, size: (u32, u32)) -> Intrinsics {
+    let scaled = lens.resized(size.0, size.1);
     let stretch = (scaled.fl_x / scaled.fl_y) / (lens.fl_x / lens.fl_y);
     Intrinsics {
         fl_x: scaled.fl_x * (1.0 / stretch).max(1.0),

@@ -4,8 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat4, DVec3};
 
-use super::shape::{Shape, largest_gap};
-use super::{PathError, check_request, median_lens, spiral};
+use super::camera_geometry::{CameraGeometry, largest_gap, pose_of};
+use super::pinhole::median_lens;
+use super::request::{PathError, check_fit};
+use super::spiral::spiral;
 use crate::camera::Camera;
 
 /// Viewing directions this much alike (length of their mean; about 11° apart on average) show a
@@ -31,18 +33,12 @@ pub fn orbit(
     frames: usize,
     size: (u32, u32),
 ) -> Result<Vec<Camera>, PathError> {
-    check_request(frames, size)?;
-    if cameras.is_empty() {
-        return Err(PathError::TooFewCameras {
-            needed: 1,
-            given: 0,
-        });
-    }
-    let shape = Shape::of(cameras);
-    if shape.gaze.length() > ONE_SIDED || shape.extent == 0.0 {
+    check_fit(cameras, frames, size)?;
+    let geometry = CameraGeometry::of(cameras);
+    if geometry.gaze.length() > ONE_SIDED || geometry.extent == 0.0 {
         return spiral(cameras, frames, size);
     }
-    let ring = Ring::of(cameras, &shape);
+    let ring = Ring::of(cameras, &geometry);
     let intrinsics = median_lens(cameras, size);
     let camera = |frame: usize| {
         let turn = TAU * frame as f64 / frames as f64;
@@ -78,22 +74,22 @@ struct Ring {
 }
 
 impl Ring {
-    fn of(cameras: &[Camera], shape: &Shape) -> Self {
-        let ahead = shape.up.any_orthonormal_vector();
-        let axes = [ahead, shape.up.cross(ahead), shape.up];
+    fn of(cameras: &[Camera], geometry: &CameraGeometry) -> Self {
+        let ahead = geometry.up.any_orthonormal_vector();
+        let axes = [ahead, geometry.up.cross(ahead), geometry.up];
         let station = |camera: &Camera| {
-            let arm = camera.centre() - shape.target;
+            let arm = camera.centre() - geometry.target;
             let (a, b) = (arm.dot(axes[0]), arm.dot(axes[1]));
             Station {
                 azimuth: b.atan2(a),
                 radius: a.hypot(b),
-                height: arm.dot(shape.up),
-                pitch: camera.forward().dot(shape.up).clamp(-1.0, 1.0).asin(),
+                height: arm.dot(geometry.up),
+                pitch: camera.forward().dot(geometry.up).clamp(-1.0, 1.0).asin(),
             }
         };
         let towards: f64 = cameras
             .iter()
-            .map(|c| (shape.target - c.centre()).dot(c.forward()).signum())
+            .map(|c| (geometry.target - c.centre()).dot(c.forward()).signum())
             .sum();
         let stations: Vec<Station> = cameras.iter().map(station).collect();
         let (gap_end, gap) = largest_gap(stations.iter().map(|s| s.azimuth));
@@ -104,7 +100,7 @@ impl Ring {
             (0.5 * gap).max(0.25)
         };
         Self {
-            centre: shape.target,
+            centre: geometry.target,
             axes,
             stations,
             gap_end,
@@ -140,11 +136,6 @@ impl Ring {
         let x = heading.cross(up);
         let z = heading * pitch.cos() + up * pitch.sin();
         let position = self.centre + outward * radius + up * height;
-        DMat4::from_cols(
-            x.extend(0.0),
-            z.cross(x).extend(0.0),
-            z.extend(0.0),
-            position.extend(1.0),
-        )
+        pose_of(position, x, z)
     }
 }

@@ -4,8 +4,9 @@ use std::f64::consts::TAU;
 
 use glam::{DVec3, DVec4};
 
-use super::shape::{Shape, looking};
-use super::{PathError, check_request, median_lens};
+use super::camera_geometry::{CameraGeometry, looking};
+use super::pinhole::median_lens;
+use super::request::{PathError, check_fit};
 use crate::camera::Camera;
 
 /// Turns of the spiral in one film.
@@ -24,29 +25,23 @@ pub fn spiral(
     frames: usize,
     size: (u32, u32),
 ) -> Result<Vec<Camera>, PathError> {
-    check_request(frames, size)?;
-    if cameras.is_empty() {
-        return Err(PathError::TooFewCameras {
-            needed: 1,
-            given: 0,
-        });
-    }
-    let shape = Shape::of(cameras);
-    let forward = shape.gaze.normalize_or(cameras[0].forward());
-    let base = looking(shape.middle, forward, shape.up);
+    check_fit(cameras, frames, size)?;
+    let geometry = CameraGeometry::of(cameras);
+    let forward = geometry.gaze.normalize_or(cameras[0].forward());
+    let base = looking(geometry.middle, forward, geometry.up);
     let axes = [base.x_axis, base.y_axis, base.z_axis].map(DVec4::truncate);
-    let reach = axes.map(|axis| REACH * spread(cameras, shape.middle, axis));
-    let focus = shape.middle + forward * focus_distance(&shape, forward);
+    let reach = axes.map(|axis| REACH * spread(cameras, geometry.middle, axis));
+    let focus = geometry.middle + forward * focus_distance(&geometry, forward);
     let intrinsics = median_lens(cameras, size);
     let camera = |frame: usize| {
         let turn = TAU * frame as f64 / frames as f64;
         let offset = axes[0] * (reach[0] * (TURNS * turn).cos())
             + axes[1] * (reach[1] * (TURNS * turn).sin())
             + axes[2] * (reach[2] * turn.sin());
-        let position = shape.middle + offset;
+        let position = geometry.middle + offset;
         Camera {
             intrinsics,
-            camera_to_world: looking(position, focus - position, shape.up),
+            camera_to_world: looking(position, focus - position, geometry.up),
         }
     };
     Ok((0..frames).map(camera).collect())
@@ -64,9 +59,9 @@ fn spread(cameras: &[Camera], middle: DVec3, axis: DVec3) -> f64 {
 
 /// How far ahead the scene is. Nearly parallel axes tell this badly, so the answer is kept within
 /// the depths at which a capture of this extent makes sense.
-fn focus_distance(shape: &Shape, forward: DVec3) -> f64 {
-    let extent = shape.extent.max(1e-6);
-    (shape.target - shape.middle)
+fn focus_distance(geometry: &CameraGeometry, forward: DVec3) -> f64 {
+    let extent = geometry.extent.max(1e-6);
+    (geometry.target - geometry.middle)
         .dot(forward)
         .clamp(2.0 * extent, 20.0 * extent)
 }

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DQuat, DVec3, DVec4};
 
-use super::pinhole;
+use super::pinhole::pinhole;
 use crate::camera::{Camera, Intrinsics};
 
 /// Scene units that turning by a radian, or zooming by a factor of e, counts for in a path's length:
@@ -80,11 +80,12 @@ impl<'a> Spline<'a> {
             // The piece in which that much of the way is gone, and the share of it.
             let next = way.partition_point(|&at| at < gone).clamp(1, way.len() - 1);
             let (from, to) = (way[next - 1], way[next]);
-            let share = match to > from {
-                true => ((gone - from) / (to - from)).clamp(0.0, 1.0),
-                false => 0.0,
+            let share = if to > from {
+                (gone - from) / (to - from)
+            } else {
+                0.0
             };
-            ((next - 1) as f64 + share) / PIECES as f64
+            ((next - 1) as f64 + share.clamp(0.0, 1.0)) / PIECES as f64
         };
         (0..frames).map(|frame| self.at(time(frame))).collect()
     }
@@ -104,9 +105,10 @@ impl<'a> Spline<'a> {
 
     /// Number of steps from frame to frame that make the whole path.
     fn parts(&self, frames: usize) -> usize {
-        match self.closed {
-            true => frames,
-            false => frames.saturating_sub(1).max(1),
+        if self.closed {
+            frames
+        } else {
+            frames.saturating_sub(1).max(1)
         }
     }
 
@@ -114,7 +116,8 @@ impl<'a> Spline<'a> {
     fn at(&self, time: f64) -> Camera {
         let segment = (time.floor() as usize).min(self.spans.len().saturating_sub(1));
         let part = time - segment as f64;
-        let around: [usize; 4] = std::array::from_fn(|i| self.neighbour(segment, i));
+        let around: [usize; 4] =
+            std::array::from_fn(|i| self.neighbour(self.keys.len(), segment, i));
 
         let centres = around.map(|i| self.keys[i].centre());
         let mut rotations = around.map(|i| self.rotations[i]);
@@ -127,7 +130,7 @@ impl<'a> Spline<'a> {
         let weights = match self.spans.get(segment) {
             Some(&span) => {
                 // Beyond an open end the last span is repeated.
-                let span_at = |i: usize| self.spans[self.neighbouring_span(segment, i)];
+                let span_at = |i: usize| self.spans[self.neighbour(self.spans.len(), segment, i)];
                 catmull_rom([span_at(0), span, span_at(2)], part)
             }
             None => catmull_rom([1.0; 3], part),
@@ -142,10 +145,7 @@ impl<'a> Spline<'a> {
                 .sum()
         };
         let (fl_x, fl_y) = (blend(|k| k.fl_x.ln()).exp(), blend(|k| k.fl_y.ln()).exp());
-        let size = (
-            self.keys[0].intrinsics.width,
-            self.keys[0].intrinsics.height,
-        );
+        let size = self.keys[0].intrinsics.size();
         Camera {
             intrinsics: Intrinsics {
                 fl_x,
@@ -156,19 +156,9 @@ impl<'a> Spline<'a> {
         }
     }
 
-    /// The key at place `i` of the four around `segment`; ends are repeated on an open path.
-    fn neighbour(&self, segment: usize, i: usize) -> usize {
-        let count = self.keys.len();
-        if self.closed {
-            (segment + count + i - 1) % count
-        } else {
-            (segment + i).saturating_sub(1).min(count - 1)
-        }
-    }
-
-    /// The step at place `i` of the three around `segment`.
-    fn neighbouring_span(&self, segment: usize, i: usize) -> usize {
-        let count = self.spans.len();
+    /// Which of `count` keys or steps is at place `i` of those around `segment`, which itself is at
+    /// place 1; ends are repeated on an open path.
+    fn neighbour(&self, count: usize, segment: usize, i: usize) -> usize {
         if self.closed {
             (segment + count + i - 1) % count
         } else {
@@ -179,10 +169,7 @@ impl<'a> Spline<'a> {
 
 /// Number of steps from key to key.
 fn steps(keys: usize, closed: bool) -> usize {
-    match closed {
-        true => keys,
-        false => keys - 1,
-    }
+    if closed { keys } else { keys - 1 }
 }
 
 /// How far it is from one camera to another close by, in scene units.

@@ -8,10 +8,11 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
 
-use super::{Capture, Frame, files_in, is_photo};
+use super::capture::{Capture, RawFrame, files_in};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::error::{SceneError, read_bytes};
 use crate::npy;
+use crate::picture_file::is_picture;
 
 /// Name of the file with the poses.
 pub(crate) const POSES: &str = "poses_bounds.npy";
@@ -32,7 +33,7 @@ pub(crate) fn read(root: &Path) -> Result<Capture, SceneError> {
     }
     let folder = FOLDERS.into_iter().find(|name| root.join(name).is_dir());
     let folder = folder.unwrap_or(FOLDERS[0]);
-    let photos = files_in(&root.join(folder), is_photo)?;
+    let photos = files_in(&root.join(folder), is_picture)?;
     if photos.len() != shape[0] {
         let problem = format!(
             "there are {} poses but {} photos in {folder}/; every pose needs its photo",
@@ -49,7 +50,7 @@ pub(crate) fn read(root: &Path) -> Result<Capture, SceneError> {
     })
 }
 
-fn frame(row: &[f64], photo: PathBuf, folder: &str, path: &Path) -> Result<Frame, SceneError> {
+fn frame(row: &[f64], photo: PathBuf, folder: &str, path: &Path) -> Result<RawFrame, SceneError> {
     let file = photo.file_name().unwrap_or_default().to_string_lossy();
     let name = format!("{folder}/{file}");
     let column = |c: usize| DVec3::new(row[c], row[5 + c], row[10 + c]);
@@ -75,5 +76,5 @@ fn frame(row: &[f64], photo: PathBuf, folder: &str, path: &Path) -> Result<Frame
         intrinsics,
         camera_to_world: matrix,
     };
-    Frame::checked(path, (name, photo), camera, None)
+    RawFrame::checked(path, name, photo, camera, None)
 }

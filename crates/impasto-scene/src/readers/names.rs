@@ -24,16 +24,13 @@ pub(crate) fn plain_path(path: &Path) -> PathBuf {
 ///
 /// Only the name is judged: links inside the capture are the user's own, and people link large
 /// folders of photos.
-pub(super) fn check(
-    name: &str,
-    (root, depth): (&Path, usize),
-    file: &Path,
-) -> Result<(), SceneError> {
+pub(super) fn check(name: &str, root: &Path, depth: usize, file: &Path) -> Result<(), SceneError> {
     if name.trim().is_empty() || name.contains('\0') {
+        let problem = "this is no name of a photo; write the file anew";
         return Err(SceneError::malformed(
             file,
             format!("frame {name:?}"),
-            "this is no name of a photo; write the file anew",
+            problem,
         ));
     }
     let leads_out = if is_absolute(name) {
@@ -83,7 +80,7 @@ mod tests {
     #[test]
     fn names_stay_inside_the_capture() {
         let root = Path::new("/data/scene");
-        let refused = |name: &str, depth| check(name, (root, depth), Path::new("f.json")).is_err();
+        let refused = |name: &str, depth| check(name, root, depth, Path::new("f.json")).is_err();
         for name in [
             "a.png",
             "./images/a.png",

@@ -4,13 +4,14 @@
 //! Intrinsics are in pixels of the stored photo; poses are camera-to-world with x right, y down, z
 //! forward. `camera_path/`, which has no photos, is not part of the capture; see [`camera_path`].
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DMat4;
 
-use super::{Capture, Frame, files_in, is_photo, photo_size};
+use super::capture::{Capture, RawFrame, files_in};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::error::{SceneError, read_text};
+use crate::picture_file::{is_picture, stored_size};
 use crate::pose;
 use crate::scene::Split;
 
@@ -63,18 +64,14 @@ fn is_text(path: &Path) -> bool {
 }
 
 fn rigid(path: &Path, frame: &str) -> Result<DMat4, SceneError> {
-    pose::rigid(matrix(path)?).map_err(|problem| SceneError::Pose {
-        path: path.to_owned(),
-        frame: frame.to_owned(),
-        problem,
-    })
+    pose::rigid(matrix(path)?).map_err(|problem| SceneError::pose(path, frame, problem))
 }
 
-fn views(root: &Path, name: &str, split: Split) -> Result<Vec<Frame>, SceneError> {
+fn views(root: &Path, name: &str, split: Split) -> Result<Vec<RawFrame>, SceneError> {
     let folder = root.join(name);
     let poses = files_in(&folder.join("pose"), is_text)?;
     let intrinsics = files_in(&folder.join("intrinsics"), is_text)?;
-    let photos = files_in(&folder.join("rgb"), is_photo)?;
+    let photos = files_in(&folder.join("rgb"), is_picture)?;
     if poses.len() != photos.len() || intrinsics.len() != photos.len() {
         let problem = format!(
             "there are {} poses, {} intrinsics and {} photos; every view needs one of each",
@@ -84,33 +81,24 @@ fn views(root: &Path, name: &str, split: Split) -> Result<Vec<Frame>, SceneError
         );
         return Err(SceneError::malformed(root, name, problem));
     }
-    poses
-        .iter()
-        .zip(&intrinsics)
-        .zip(photos)
-        .map(|((pose, intrinsics), photo)| view(pose, intrinsics, photo, (name, split)))
+    let views = poses.iter().zip(&intrinsics).zip(photos);
+    views
+        .map(|((pose, intrinsics), photo)| {
+            let file = photo.file_name().unwrap_or_default().to_string_lossy();
+            let name = format!("{name}/rgb/{file}");
+            Ok(RawFrame {
+                camera: Camera {
+                    intrinsics: lens(intrinsics, Some(stored_size(&photo)?))?,
+                    camera_to_world: rigid(pose, &name)?,
+                },
+                name,
+                photo,
+                split: Some(split),
+                mask: None,
+                measured: true,
+            })
+        })
         .collect()
-}
-
-fn view(
-    pose: &Path,
-    intrinsics: &Path,
-    photo: PathBuf,
-    (folder, split): (&str, Split),
-) -> Result<Frame, SceneError> {
-    let file = photo.file_name().unwrap_or_default().to_string_lossy();
-    let name = format!("{folder}/rgb/{file}");
-    Ok(Frame {
-        camera: Camera {
-            intrinsics: lens(intrinsics, Some(photo_size(&photo)?))?,
-            camera_to_world: rigid(pose, &name)?,
-        },
-        name,
-        photo,
-        split: Some(split),
-        mask: None,
-        measured: true,
-    })
 }
 
 /// The sixteen numbers of a text file.
@@ -121,12 +109,8 @@ fn matrix(path: &Path) -> Result<DMat4, SceneError> {
         .enumerate()
         .map(|(i, word)| {
             word.parse().map_err(|_| {
-                let place = format!("number {}", i + 1);
-                SceneError::malformed(
-                    path,
-                    place,
-                    format!("\"{word}\" is no number; write the 16 numbers of a matrix"),
-                )
+                let problem = format!("\"{word}\" is no number; write the 16 numbers of a matrix");
+                SceneError::malformed(path, format!("number {}", i + 1), problem)
             })
         })
         .collect::<Result<_, _>>()?;

@@ -7,14 +7,15 @@ use std::path::{Path, PathBuf};
 use glam::DMat4;
 use serde::Deserialize;
 
-use super::{Capture, Frame, names, photo_size};
+use super::capture::{Capture, RawFrame};
+use super::names;
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::error::{SceneError, read_text};
-use crate::picture_file::PICTURE_ENDINGS;
+use crate::picture_file::{PICTURE_ENDINGS, stored_size};
 use crate::pose;
 use crate::scene::Split;
 
-/// Lens models whose coefficients are all among k1, k2, p1, p2.
+/// LensEntry models whose coefficients are all among k1, k2, p1, p2.
 const LENS_MODELS: [&str; 6] = [
     "OPENCV",
     "PINHOLE",
@@ -26,7 +27,7 @@ const LENS_MODELS: [&str; 6] = [
 
 /// A lens description; any part may be absent. Sizes may be written as 1080.0.
 #[derive(Deserialize, Default)]
-struct Lens {
+struct LensEntry {
     w: Option<f64>,
     h: Option<f64>,
     fl_x: Option<f64>,
@@ -52,14 +53,14 @@ struct FrameEntry {
     mask_path: Option<String>,
     transform_matrix: Vec<Vec<f64>>,
     #[serde(flatten)]
-    lens: Lens,
+    lens: LensEntry,
 }
 
 #[derive(Deserialize)]
 struct File {
     frames: Vec<FrameEntry>,
     #[serde(flatten)]
-    lens: Lens,
+    lens: LensEntry,
     train_filenames: Option<Vec<String>>,
     val_filenames: Option<Vec<String>>,
     test_filenames: Option<Vec<String>>,
@@ -76,30 +77,22 @@ pub(crate) fn read(files: &[(PathBuf, Option<Split>)]) -> Result<Capture, SceneE
         let text = read_text(path)?;
         let file: File = serde_json::from_str(&text).map_err(|e| {
             let place = format!("line {}, column {}", e.line(), e.column());
-            SceneError::malformed(
-                path,
-                place,
-                format!("not a transforms file ({}); export it again", reason(&e)),
-            )
+            let problem = format!("not a transforms file ({}); export it again", reason(&e));
+            SceneError::malformed(path, place, problem)
         })?;
         if file.frames.is_empty() {
-            return Err(SceneError::malformed(
-                path,
-                "\"frames\"",
-                "the list of frames is empty; export it again with its photos",
-            ));
+            let problem = "the list of frames is empty; export it again with its photos";
+            return Err(SceneError::malformed(path, "\"frames\"", problem));
         }
         synthetic |= file.synthetic;
         let named = NamedSplits::of(&file, path)?;
         for entry in &file.frames {
-            let split = match &named {
-                None => *split,
-                Some(named) => match named.split(&entry.file_path) {
-                    None => continue,
-                    split => split,
-                },
-            };
-            frames.push(frame(entry, &file.lens, split, path)?);
+            let listed = named.as_ref().map(|named| named.split(&entry.file_path));
+            // A frame that is in neither list is left out.
+            if listed != Some(None) {
+                let split = listed.unwrap_or(*split);
+                frames.push(frame(entry, &file.lens, split, path)?);
+            }
         }
     }
     Ok(Capture {
@@ -112,10 +105,8 @@ pub(crate) fn read(files: &[(PathBuf, Option<Split>)]) -> Result<Capture, SceneE
 /// serde's message without the position that it repeats at the end.
 fn reason(error: &serde_json::Error) -> String {
     let message = error.to_string();
-    match message.rfind(" at line ") {
-        Some(end) => message[..end].to_owned(),
-        None => message,
-    }
+    let end = message.rfind(" at line ").unwrap_or(message.len());
+    message[..end].to_owned()
 }
 
 /// nerfstudio's lists of the photos of each split.
@@ -140,11 +131,8 @@ impl<'a> NamedSplits<'a> {
         for name in train.iter().chain(test) {
             if !known.contains(plain(name)) {
                 let problem = "the split lists this photo but no frame has it; add the frame or take it off the list";
-                return Err(SceneError::malformed(
-                    path,
-                    format!("frame {name}"),
-                    problem,
-                ));
+                let place = format!("frame {name}");
+                return Err(SceneError::malformed(path, place, problem));
             }
         }
         Ok(Some(Self { train, test }))
@@ -152,11 +140,8 @@ impl<'a> NamedSplits<'a> {
 
     fn split(&self, name: &str) -> Option<Split> {
         let lists = |list: &[String]| list.iter().any(|n| plain(n) == plain(name));
-        if lists(self.test) {
-            Some(Split::Test)
-        } else {
-            lists(self.train).then_some(Split::Train)
-        }
+        let test = lists(self.test).then_some(Split::Test);
+        test.or_else(|| lists(self.train).then_some(Split::Train))
     }
 }
 
@@ -167,15 +152,14 @@ fn plain(name: &str) -> &str {
 
 fn frame(
     entry: &FrameEntry,
-    global: &Lens,
+    global: &LensEntry,
     split: Option<Split>,
     path: &Path,
-) -> Result<Frame, SceneError> {
+) -> Result<RawFrame, SceneError> {
     let (name, photo) = find_photo(&entry.file_path, path)?;
-    let matrix = matrix(&entry.transform_matrix).ok_or_else(|| SceneError::Pose {
-        path: path.to_owned(),
-        frame: name.clone(),
-        problem: "is not a 4×4 or 3×4 matrix; write it as rows of four numbers".into(),
+    let matrix = matrix(&entry.transform_matrix).ok_or_else(|| {
+        let problem = "is not a 4×4 or 3×4 matrix; write it as rows of four numbers";
+        SceneError::pose(path, &name, problem)
     })?;
     check_model(&entry.lens, global, path, &format!("frame {name}"))?;
     let measured = stated_size(&entry.lens, global).is_none();
@@ -185,63 +169,47 @@ fn frame(
     };
     let mask = entry.mask_path.as_deref();
     let mask = mask.map(|mask| find_mask(mask, &name, path)).transpose()?;
-    Ok(Frame {
+    Ok(RawFrame {
         mask,
         measured,
-        ..Frame::checked(path, (name, photo), camera, split)?
+        ..RawFrame::checked(path, name, photo, camera, split)?
     })
 }
 
 /// The name (with its ending) and the path of a frame's photo.
 fn find_photo(file_path: &str, path: &Path) -> Result<(String, PathBuf), SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    names::check(file_path, (folder, 0), path)?;
+    names::check(file_path, folder, 0, path)?;
     let name = plain(file_path);
-    let endings = PICTURE_ENDINGS.map(str::to_ascii_uppercase);
-    let endings = PICTURE_ENDINGS
-        .iter()
-        .copied()
-        .chain(endings.iter().map(String::as_str));
+    let upper = PICTURE_ENDINGS.map(str::to_ascii_uppercase);
+    let endings = PICTURE_ENDINGS.map(str::to_owned).into_iter().chain(upper);
     // The ending may be left out, and programs on Windows write their own separator.
-    let endings = endings.map(|ending| format!("{name}.{ending}"));
-    [name.to_owned(), name.replace('\\', "/")]
+    let mut names = [name.to_owned(), name.replace('\\', "/")]
         .into_iter()
-        .chain(endings)
-        .map(|name| (folder.join(&name), name))
-        .find(|(photo, _)| photo.is_file())
-        .map(|(photo, name)| (name, photo))
-        .ok_or_else(|| SceneError::PhotoMissing {
-            frame: file_path.to_owned(),
-            path: folder.join(name),
-        })
+        .chain(endings.map(|ending| format!("{name}.{ending}")));
+    let found = names.find(|name| folder.join(name).is_file());
+    let photo = found.map(|name| (name.clone(), folder.join(name)));
+    photo.ok_or_else(|| SceneError::PhotoMissing {
+        frame: file_path.to_owned(),
+        path: folder.join(name),
+    })
 }
 
 /// The path of a frame's mask.
 fn find_mask(mask_path: &str, frame: &str, path: &Path) -> Result<PathBuf, SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    names::check(mask_path, (folder, 0), path)?;
+    names::check(mask_path, folder, 0, path)?;
     let mask = folder.join(plain(mask_path));
     if mask.exists() {
         return Ok(mask);
     }
-    let problem = format!(
-        "there is no mask {}; add it or remove \"mask_path\"",
-        mask.display()
-    );
-    Err(SceneError::malformed(
-        path,
-        format!("frame {frame}"),
-        problem,
-    ))
+    let (mask, place) = (mask.display(), format!("frame {frame}"));
+    let problem = format!("there is no mask {mask}; add it or remove \"mask_path\"");
+    Err(SceneError::malformed(path, place, problem))
 }
 
 fn matrix(rows: &[Vec<f64>]) -> Option<DMat4> {
-    let mut matrix = [
-        [0.0, 0.0, 0.0, 0.0],
-        [0.0; 4],
-        [0.0; 4],
-        [0.0, 0.0, 0.0, 1.0],
-    ];
+    let mut matrix = DMat4::IDENTITY.to_cols_array_2d();
     if !(3..=4).contains(&rows.len()) {
         return None;
     }
@@ -252,14 +220,13 @@ fn matrix(rows: &[Vec<f64>]) -> Option<DMat4> {
 }
 
 /// Refuses lenses that k1, k2, p1, p2 do not describe.
-fn check_model(own: &Lens, global: &Lens, path: &Path, place: &str) -> Result<(), SceneError> {
-    let refuse = |model: &str| {
-        Err(SceneError::LensModel {
-            path: path.to_owned(),
-            place: place.to_owned(),
-            model: model.to_owned(),
-        })
-    };
+fn check_model(
+    own: &LensEntry,
+    global: &LensEntry,
+    path: &Path,
+    place: &str,
+) -> Result<(), SceneError> {
+    let refuse = |model: &str| Err(SceneError::lens_model(path, place, model));
     if own.is_fisheye.or(global.is_fisheye) == Some(true) {
         return refuse("fisheye");
     }
@@ -275,36 +242,33 @@ fn check_model(own: &Lens, global: &Lens, path: &Path, place: &str) -> Result<()
     Ok(())
 }
 
-fn stated_size(own: &Lens, global: &Lens) -> Option<(f64, f64)> {
+fn stated_size(own: &LensEntry, global: &LensEntry) -> Option<(f64, f64)> {
     own.w.or(global.w).zip(own.h.or(global.h))
 }
 
 /// A frame's lens: its own numbers where it has them, else the global ones; a size that is stated
 /// nowhere is the photo's. A stated focal length comes before a field of view at the same level.
-fn intrinsics(own: &Lens, global: &Lens, photo: &Path) -> Result<Intrinsics, SceneError> {
+fn intrinsics(own: &LensEntry, global: &LensEntry, photo: &Path) -> Result<Intrinsics, SceneError> {
     let (width, height) = match stated_size(own, global) {
         Some(stated) => stated,
         None => {
-            let (w, h) = photo_size(photo)?;
+            let (w, h) = stored_size(photo)?;
             (f64::from(w), f64::from(h))
         }
     };
     let from_angle = |angle: f64, side: f64| 0.5 * side / (0.5 * angle).tan();
-    let focal = |lens: &Lens| {
-        let x = lens
-            .fl_x
-            .or(lens.camera_angle_x.map(|a| from_angle(a, width)));
-        let y = lens.fl_y.or(match lens.fl_x {
-            // A lone fl_x means square pixels, whatever rounded angle stands beside it.
-            Some(_) => None,
-            None => lens.camera_angle_y.map(|a| from_angle(a, height)),
-        });
-        x.or(y)
-            .map(|either| (x.unwrap_or(either), y.unwrap_or(either)))
+    let focal = |lens: &LensEntry| {
+        let angle_x = lens.camera_angle_x.map(|a| from_angle(a, width));
+        let angle_y = lens.camera_angle_y.map(|a| from_angle(a, height));
+        let x = lens.fl_x.or(angle_x);
+        // A lone fl_x means square pixels, whatever rounded angle stands beside it.
+        let y = lens.fl_y.or(angle_y.filter(|_| lens.fl_x.is_none()));
+        let either = x.or(y)?;
+        Some((x.unwrap_or(either), y.unwrap_or(either)))
     };
     // Zero is refused by the check of the finished lens.
     let (fl_x, fl_y) = focal(own).or_else(|| focal(global)).unwrap_or((0.0, 0.0));
-    let coefficient = |get: fn(&Lens) -> Option<f64>| get(own).or(get(global)).unwrap_or(0.0);
+    let coefficient = |get: fn(&LensEntry) -> Option<f64>| get(own).or(get(global)).unwrap_or(0.0);
     Ok(Intrinsics {
         // Saturating: anything absurd becomes a size that no photo has, or zero.
         width: width.round() as u32,

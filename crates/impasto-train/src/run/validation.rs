@@ -48,7 +48,7 @@ fn compare(pair: [&[f32]; 2], size: [usize; 2], mask: Option<&[bool]>) -> (f64, 
         ),
         Some(mask) => (
             metrics::psnr_of(view, truth, mask),
-            metrics::ssim_of(view, truth, (width, height, 3), mask),
+            metrics::ssim_of(view, truth, width, height, 3, mask),
         ),
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::bytes::Bytes;
-use super::{Image, Lenses, MODELS, Point, lens};
+use super::model::{Image, Lenses, MODELS, Point, lens};
 use crate::error::{SceneError, read_bytes};
 
 /// Reads `cameras.bin`.
@@ -19,16 +19,14 @@ pub(super) fn cameras(path: &Path) -> Result<Lenses, SceneError> {
         let size = (bytes.u64()?, bytes.u64()?);
         let place = format!("camera {id}");
         let Some(&(model, parameters)) = MODELS.get(number as usize) else {
-            return Err(SceneError::LensModel {
-                path: path.to_owned(),
-                place,
-                model: format!("number {number}"),
-            });
+            return Err(SceneError::lens_model(
+                path,
+                &place,
+                format!("number {number}"),
+            ));
         };
-        let mut values = Vec::with_capacity(parameters);
-        for _ in 0..parameters {
-            values.push(bytes.f64()?);
-        }
+        let values: Result<Vec<f64>, _> = (0..parameters).map(|_| bytes.f64()).collect();
+        let values = values?;
         lenses.insert(id, lens(model, size, &values, path, &place)?);
     }
     bytes.finish()?;

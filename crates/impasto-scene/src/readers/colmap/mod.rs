@@ -4,73 +4,34 @@
 
 mod bin;
 mod bytes;
+mod model;
 mod txt;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use glam::{DMat4, DQuat, DVec2, DVec3};
+use glam::{DMat4, DQuat, DVec3};
 
-use super::{Capture, Frame, RawPoint, names};
-use crate::camera::{Camera, Distortion, Intrinsics};
+use super::capture::{Capture, RawFrame, RawPoint};
+use super::names;
+use crate::camera::Camera;
 use crate::error::SceneError;
 use crate::pose;
-
-/// COLMAP's lens models: name and number of parameters, by COLMAP's model number.
-const MODELS: [(&str, usize); 12] = [
-    ("SIMPLE_PINHOLE", 3),
-    ("PINHOLE", 4),
-    ("SIMPLE_RADIAL", 4),
-    ("RADIAL", 5),
-    ("OPENCV", 8),
-    ("OPENCV_FISHEYE", 8),
-    ("FULL_OPENCV", 12),
-    ("FOV", 5),
-    ("SIMPLE_RADIAL_FISHEYE", 4),
-    ("RADIAL_FISHEYE", 5),
-    ("THIN_PRISM_FISHEYE", 12),
-    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
-];
+use model::{Image, Lenses, Point};
 
 /// Farthest coordinate of a point: in a scene whose cameras are a picometre apart, the most that
 /// single precision holds.
 const FARTHEST: f64 = 1e18;
 
-/// An `images` record: world-to-camera pose and the pixels of its features.
-struct Image {
-    id: u32,
-    /// w, x, y, z.
-    rotation: [f64; 4],
-    translation: [f64; 3],
-    camera: u32,
-    name: String,
-    features: Vec<DVec2>,
-}
-
-/// A `points3D` record; `track` pairs an image's id with the index of a feature in it.
-struct Point {
-    position: [f64; 3],
-    colour: [u8; 3],
-    error: f64,
-    track: Vec<(u32, u32)>,
-}
-
-type Lenses = HashMap<u32, Intrinsics>;
-
 /// Reads the model in the folder `model`.
 pub(crate) fn read(model: &Path, binary: bool) -> Result<Capture, SceneError> {
     let extension = if binary { "bin" } else { "txt" };
     let file = |name: &str| model.join(format!("{name}.{extension}"));
+    let (cameras, path) = (file("cameras"), file("images"));
     let (lenses, images) = if binary {
-        (
-            bin::cameras(&file("cameras"))?,
-            bin::images(&file("images"))?,
-        )
+        (bin::cameras(&cameras)?, bin::images(&path)?)
     } else {
-        (
-            txt::cameras(&file("cameras"))?,
-            txt::images(&file("images"))?,
-        )
+        (txt::cameras(&cameras)?, txt::images(&path)?)
     };
     let points = match file("points3D") {
         path if !path.is_file() => Vec::new(),
@@ -78,7 +39,6 @@ pub(crate) fn read(model: &Path, binary: bool) -> Result<Capture, SceneError> {
         path => txt::points(&path)?,
     };
     let photos = photo_folder(model);
-    let path = file("images");
     let frames = images
         .iter()
         .map(|image| frame(image, &lenses, &photos, &path))
@@ -104,17 +64,9 @@ pub fn photo_names(model: &Path) -> Result<Vec<String>, SceneError> {
 /// The `images` folder beside the model or up to two folders above it.
 fn photo_folder(model: &Path) -> PathBuf {
     let beside = model.join("images");
-    let above = |path: &Path| path.parent().map(|p| p.join("images"));
-    let candidates = [
-        Some(beside.clone()),
-        above(model),
-        model.parent().and_then(above),
-    ];
-    candidates
-        .into_iter()
-        .flatten()
-        .find(|p| p.is_dir())
-        .unwrap_or(beside)
+    let candidates = model.ancestors().take(3).map(|p| p.join("images"));
+    let mut found = candidates.filter(|p| p.is_dir());
+    found.next().unwrap_or(beside)
 }
 
 /// The folder that the photos' folder is in.
@@ -122,24 +74,23 @@ pub(crate) fn root(model: &Path) -> Option<PathBuf> {
     photo_folder(model).parent().map(Path::to_owned)
 }
 
-fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<Frame, SceneError> {
+fn frame(
+    image: &Image,
+    lenses: &Lenses,
+    photos: &Path,
+    path: &Path,
+) -> Result<RawFrame, SceneError> {
     let root = photos.parent().unwrap_or(photos);
-    names::check(&image.name, (root, 1), path)?;
+    names::check(&image.name, root, 1, path)?;
     let Some(&intrinsics) = lenses.get(&image.camera) else {
-        return Err(SceneError::malformed(
-            path,
-            format!("frame {}", image.name),
-            format!(
-                "it uses camera {}, which the cameras file does not have; take both files from one model",
-                image.camera
-            ),
-        ));
+        let problem = format!(
+            "it uses camera {}, which the cameras file does not have; take both files from one model",
+            image.camera
+        );
+        let place = format!("frame {}", image.name);
+        return Err(SceneError::malformed(path, place, problem));
     };
-    let wrong_pose = |problem: String| SceneError::Pose {
-        path: path.to_owned(),
-        frame: image.name.clone(),
-        problem,
-    };
+    let wrong_pose = |problem: String| SceneError::pose(path, &image.name, problem);
     let [w, x, y, z] = image.rotation;
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let translation = DVec3::from_array(image.translation);
@@ -157,7 +108,7 @@ fn frame(image: &Image, lenses: &Lenses, photos: &Path, path: &Path) -> Result<F
     }
     let camera_to_world =
         DMat4::from_rotation_translation(rotation.normalize(), translation).inverse();
-    Ok(Frame {
+    Ok(RawFrame {
         name: image.name.clone(),
         photo: photos.join(&image.name),
         camera: Camera {
@@ -215,56 +166,4 @@ fn join_tracks(
         });
     }
     Ok(joined)
-}
-
-/// Builds a lens from a model's name and parameters in COLMAP's order.
-fn lens(
-    model: &str,
-    size: (u64, u64),
-    p: &[f64],
-    path: &Path,
-    place: &str,
-) -> Result<Intrinsics, SceneError> {
-    let radial = |k1, k2| Distortion {
-        k1,
-        k2,
-        ..Distortion::default()
-    };
-    let (fl_x, fl_y, cx, cy, distortion) = match (model, p) {
-        ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy, Distortion::default()),
-        ("PINHOLE", &[fx, fy, cx, cy]) => (fx, fy, cx, cy, Distortion::default()),
-        ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => (f, f, cx, cy, radial(k1, 0.0)),
-        ("RADIAL", &[f, cx, cy, k1, k2]) => (f, f, cx, cy, radial(k1, k2)),
-        ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-            (fx, fy, cx, cy, Distortion { k1, k2, p1, p2 })
-        }
-        ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV", _) => {
-            let problem = format!(
-                "{} parameters do not fit the lens model {model}; export the model again",
-                p.len()
-            );
-            return Err(SceneError::malformed(path, place, problem));
-        }
-        _ => {
-            return Err(SceneError::LensModel {
-                path: path.to_owned(),
-                place: place.to_owned(),
-                model: model.to_owned(),
-            });
-        }
-    };
-    let side = |side: u64| u32::try_from(side).unwrap_or(0);
-    let intrinsics = Intrinsics {
-        width: side(size.0),
-        height: side(size.1),
-        fl_x,
-        fl_y,
-        cx,
-        cy,
-        distortion,
-    };
-    intrinsics
-        .check()
-        .map_err(|problem| SceneError::malformed(path, place, problem))?;
-    Ok(intrinsics)
 }

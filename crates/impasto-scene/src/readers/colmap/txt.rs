@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use glam::DVec2;
 
-use super::{Image, Lenses, Point, lens};
+use super::model::{Image, Lenses, Point, lens};
 use crate::error::{SceneError, read_text};
 
 /// The fields of one line; every failure names the file and the line.
@@ -25,17 +25,13 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn place(&self) -> String {
-        format!("line {}", self.line)
+    fn error(&self, problem: String) -> SceneError {
+        SceneError::malformed(self.path, format!("line {}", self.line), problem)
     }
 
     fn word(&mut self, what: &str) -> Result<&'a str, SceneError> {
         if self.rest.is_empty() {
-            return Err(SceneError::malformed(
-                self.path,
-                self.place(),
-                format!("the {what} is missing; export the model again"),
-            ));
+            return Err(self.error(format!("the {what} is missing; export the model again")));
         }
         let (word, rest) = self
             .rest
@@ -48,16 +44,20 @@ impl<'a> Fields<'a> {
     fn next<T: FromStr>(&mut self, what: &str) -> Result<T, SceneError> {
         let word = self.word(what)?;
         word.parse().map_err(|_| {
-            SceneError::malformed(
-                self.path,
-                self.place(),
-                format!("\"{word}\" is not a valid {what}; export the model again"),
-            )
+            let problem = format!("\"{word}\" is not a valid {what}; export the model again");
+            self.error(problem)
         })
     }
 
-    fn three<T: FromStr + Copy>(&mut self, what: &str) -> Result<[T; 3], SceneError> {
-        Ok([self.next(what)?, self.next(what)?, self.next(what)?])
+    fn several<T: FromStr + Copy + Default, const N: usize>(
+        &mut self,
+        what: &str,
+    ) -> Result<[T; N], SceneError> {
+        let mut values = [T::default(); N];
+        for value in &mut values {
+            *value = self.next(what)?;
+        }
+        Ok(values)
     }
 
     /// Everything up to the end of the line, spaces included.
@@ -94,10 +94,8 @@ pub(super) fn cameras(path: &Path) -> Result<Lenses, SceneError> {
         while !fields.is_empty() {
             values.push(fields.next("lens parameter")?);
         }
-        lenses.insert(
-            id,
-            lens(model, size, &values, path, &format!("camera {id}"))?,
-        );
+        let place = format!("camera {id}");
+        lenses.insert(id, lens(model, size, &values, path, &place)?);
     }
     Ok(lenses)
 }
@@ -110,24 +108,21 @@ pub(super) fn images(path: &Path) -> Result<Vec<Image>, SceneError> {
     while let Some((line, content)) = lines.find(|(_, content)| !content.is_empty()) {
         let mut fields = Fields::new(path, line, content);
         let id = fields.next("image id")?;
-        let w = fields.next("quaternion")?;
-        let [x, y, z] = fields.three("quaternion")?;
-        let translation = fields.three("translation")?;
+        let rotation = fields.several("quaternion")?;
+        let translation = fields.several("translation")?;
         let camera = fields.next("camera id")?;
         let name = fields.remainder("image name")?.to_owned();
         let (line, content) = lines.next().unwrap_or((line + 1, ""));
         let mut fields = Fields::new(path, line, content);
         let mut features = Vec::new();
         while !fields.is_empty() {
-            features.push(DVec2::new(
-                fields.next("feature position")?,
-                fields.next("feature position")?,
-            ));
+            let [x, y] = fields.several("feature position")?;
+            features.push(DVec2::new(x, y));
             fields.next::<i64>("point id")?;
         }
         images.push(Image {
             id,
-            rotation: [w, x, y, z],
+            rotation,
             translation,
             camera,
             name,
@@ -144,8 +139,8 @@ pub(super) fn points(path: &Path) -> Result<Vec<Point>, SceneError> {
     for (line, content) in lines(&text).filter(|(_, content)| !content.is_empty()) {
         let mut fields = Fields::new(path, line, content);
         fields.next::<u64>("point id")?;
-        let position = fields.three("position")?;
-        let colour = fields.three("colour")?;
+        let position = fields.several("position")?;
+        let colour = fields.several("colour")?;
         let error = fields.next("error")?;
         let mut track = Vec::new();
         while !fields.is_empty() {

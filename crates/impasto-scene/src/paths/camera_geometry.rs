@@ -7,7 +7,7 @@ use glam::{DMat3, DMat4, DVec3};
 use crate::camera::Camera;
 
 /// The common geometry of a capture's cameras.
-pub(crate) struct Shape {
+pub(crate) struct CameraGeometry {
     /// Unit vector away from the ground.
     pub(crate) up: DVec3,
     /// The point nearest to all viewing axes.
@@ -20,8 +20,8 @@ pub(crate) struct Shape {
     pub(crate) gaze: DVec3,
 }
 
-impl Shape {
-    /// The shape of at least one camera.
+impl CameraGeometry {
+    /// That of at least one camera.
     pub(crate) fn of(cameras: &[Camera]) -> Self {
         let middle = mean(cameras, Camera::centre);
         let extent = (cameras
@@ -135,10 +135,14 @@ pub(super) fn looking(position: DVec3, forward: DVec3, up: DVec3) -> DMat4 {
         .cross(up)
         .try_normalize()
         .unwrap_or_else(|| z.any_orthonormal_vector());
-    let y = z.cross(x);
+    pose_of(position, x, z)
+}
+
+/// The pose of a camera at `position` with these x and z axes, which are at right angles.
+pub(super) fn pose_of(position: DVec3, x: DVec3, z: DVec3) -> DMat4 {
     DMat4::from_cols(
         x.extend(0.0),
-        y.extend(0.0),
+        z.cross(x).extend(0.0),
         z.extend(0.0),
         position.extend(1.0),
     )

@@ -14,14 +14,14 @@ const NEIGHBOURS: usize = 10;
 
 /// Which photos are compared with which.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Plan {
+pub(crate) enum MatchingPlan {
     /// All pairs.
     Exhaustive,
     /// Neighbours in the order of names.
     Sequential,
 }
 
-impl Plan {
+impl MatchingPlan {
     /// Its name.
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -54,13 +54,13 @@ impl Plan {
 }
 
 /// Decides which photos are compared. `names` are sorted; `video` says that they are frames of one.
-pub(crate) fn plan(matching: Matching, names: &[String], video: bool) -> Plan {
+pub(crate) fn plan(matching: Matching, names: &[String], video: bool) -> MatchingPlan {
     match matching {
-        Matching::Exhaustive => Plan::Exhaustive,
-        Matching::Sequential => Plan::Sequential,
-        Matching::Auto if video => Plan::Sequential,
-        Matching::Auto if names.len() > FEW && are_in_order(names) => Plan::Sequential,
-        Matching::Auto => Plan::Exhaustive,
+        Matching::Exhaustive => MatchingPlan::Exhaustive,
+        Matching::Sequential => MatchingPlan::Sequential,
+        Matching::Auto if video => MatchingPlan::Sequential,
+        Matching::Auto if names.len() > FEW && are_in_order(names) => MatchingPlan::Sequential,
+        Matching::Auto => MatchingPlan::Exhaustive,
     }
 }
 
@@ -85,13 +85,10 @@ fn are_in_order(names: &[String]) -> bool {
 /// A name's beginning, the last number in it, and how many digits that has.
 fn numbered(name: &str) -> Option<(&str, u64, usize)> {
     let end = name.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let digits = name[..end]
-        .bytes()
-        .rev()
-        .take_while(u8::is_ascii_digit)
-        .count();
-    let start = end - digits;
-    Some((&name[..start], name[start..end].parse().ok()?, digits))
+    let start = name[..end]
+        .trim_end_matches(|c: char| c.is_ascii_digit())
+        .len();
+    Some((&name[..start], name[start..end].parse().ok()?, end - start))
 }
 
 #[cfg(test)]
@@ -107,12 +104,21 @@ mod tests {
     #[test]
     fn few_photos_are_all_compared_and_long_walks_in_order() {
         let walk = |count| names(count, |i| format!("walk/IMG_{:04}.JPG", 2 * i + 7));
-        assert_eq!(plan(Matching::Auto, &walk(80), false), Plan::Exhaustive);
-        assert_eq!(plan(Matching::Auto, &walk(81), false), Plan::Sequential);
-        assert_eq!(plan(Matching::Auto, &walk(9), true), Plan::Sequential);
+        assert_eq!(
+            plan(Matching::Auto, &walk(80), false),
+            MatchingPlan::Exhaustive
+        );
+        assert_eq!(
+            plan(Matching::Auto, &walk(81), false),
+            MatchingPlan::Sequential
+        );
+        assert_eq!(
+            plan(Matching::Auto, &walk(9), true),
+            MatchingPlan::Sequential
+        );
         assert_eq!(
             plan(Matching::Exhaustive, &walk(900), true),
-            Plan::Exhaustive
+            MatchingPlan::Exhaustive
         );
     }
 
@@ -121,15 +127,21 @@ mod tests {
         let random = names(200, |i| {
             format!("{:08x}.jpg", i * 2_654_435_761 % 4_294_967_291)
         });
-        assert_eq!(plan(Matching::Auto, &random, false), Plan::Exhaustive);
+        assert_eq!(
+            plan(Matching::Auto, &random, false),
+            MatchingPlan::Exhaustive
+        );
         let unpadded = names(200, |i| format!("IMG_{i}.jpg"));
-        assert_eq!(plan(Matching::Auto, &unpadded, false), Plan::Exhaustive);
+        assert_eq!(
+            plan(Matching::Auto, &unpadded, false),
+            MatchingPlan::Exhaustive
+        );
     }
 
     #[test]
     fn an_estimate_is_of_the_right_size() {
-        let seconds = Plan::Exhaustive.seconds(30, 5300.0, 2);
+        let seconds = MatchingPlan::Exhaustive.seconds(30, 5300.0, 2);
         assert!((60.0..240.0).contains(&seconds), "{seconds}");
-        assert!(Plan::Sequential.pairs(1000) < Plan::Exhaustive.pairs(1000) / 10);
+        assert!(MatchingPlan::Sequential.pairs(1000) < MatchingPlan::Exhaustive.pairs(1000) / 10);
     }
 }

@@ -1,8 +1,8 @@
-//! What COLMAP's lines tell of its progress.
+//! What COLMAP's lines say of its progress.
 
 /// One line that matters. Older versions print it as it is, newer ones behind a time stamp.
 #[derive(Debug, PartialEq)]
-pub(super) enum Told {
+pub(super) enum ProgressLine {
     /// One more photo has been looked at.
     Photo,
     /// It has so many features.
@@ -13,19 +13,19 @@ pub(super) enum Told {
     Registered(usize),
 }
 
-/// Reads a line.
-pub(super) fn told(line: &str) -> Option<Told> {
+/// What a line says, if it matters.
+pub(super) fn parse(line: &str) -> Option<ProgressLine> {
     if line.contains("Processed file [") {
-        return Some(Told::Photo);
+        return Some(ProgressLine::Photo);
     }
     if let Some((_, count)) = line.split_once("Features:") {
-        return Some(Told::Features(first_number(count)?));
+        return Some(ProgressLine::Features(first_number(count)?));
     }
     if let Some((_, rest)) = line.split_once("block [") {
         let numbers = numbers(rest.split(']').next()?);
         return match numbers[..] {
             // Row i of n, column j of m.
-            [i, n, j, m] if i > 0 => Some(Told::Matched((i - 1) * m + j, n * m)),
+            [i, n, j, m] if i > 0 => Some(ProgressLine::Matched((i - 1) * m + j, n * m)),
             _ => None,
         };
     }
@@ -38,8 +38,8 @@ pub(super) fn told(line: &str) -> Option<Told> {
             Some(("", rest.rsplit_once('(')?.1))
         })?;
     match numbers(image.split([']', ')']).next()?)[..] {
-        [done, total] => Some(Told::Matched(done, total)),
-        [count] => Some(Told::Registered(count)),
+        [done, total] => Some(ProgressLine::Matched(done, total)),
+        [count] => Some(ProgressLine::Registered(count)),
         _ => None,
     }
 }
@@ -74,30 +74,36 @@ mod tests {
     #[test]
     fn lines_of_old_and_new_versions_are_read() {
         let lines = [
-            ("Processed file [3/30]", Told::Photo),
+            ("Processed file [3/30]", ProgressLine::Photo),
             (
                 "I1128 13:40 feature_extraction.cc:258] Processed file [3/30]",
-                Told::Photo,
+                ProgressLine::Photo,
             ),
-            ("Features:        5224", Told::Features(5224)),
-            ("Matching block [2/3, 1/3] in 1.2s", Told::Matched(4, 9)),
+            ("Features:        5224", ProgressLine::Features(5224)),
+            (
+                "Matching block [2/3, 1/3] in 1.2s",
+                ProgressLine::Matched(4, 9),
+            ),
             (
                 "I1128 pairing.cc:168] Processing block [1/1, 1/1]",
-                Told::Matched(1, 1),
+                ProgressLine::Matched(1, 1),
             ),
-            ("Matching image [7/30] in 0.1s", Told::Matched(7, 30)),
+            (
+                "Matching image [7/30] in 0.1s",
+                ProgressLine::Matched(7, 30),
+            ),
             (
                 "I1128 pairing.cc:351] Processing image [7/30]",
-                Told::Matched(7, 30),
+                ProgressLine::Matched(7, 30),
             ),
-            ("Registering image #5 (3)", Told::Registered(3)),
+            ("Registering image #5 (3)", ProgressLine::Registered(3)),
             (
                 "I1128 Registering image #5 (num_reg_frames=3)",
-                Told::Registered(3),
+                ProgressLine::Registered(3),
             ),
         ];
         for (line, expected) in lines {
-            assert_eq!(told(line), Some(expected), "{line}");
+            assert_eq!(parse(line), Some(expected), "{line}");
         }
         for line in [
             "",
@@ -105,7 +111,7 @@ mod tests {
             "Retriangulation",
             "block [1/1]",
         ] {
-            assert_eq!(told(line), None, "{line}");
+            assert_eq!(parse(line), None, "{line}");
         }
     }
 }

@@ -1,7 +1,12 @@
 //! How bright and how sharp a photo is, as a whole and around a point.
 
+use std::collections::HashMap;
+
 use glam::DVec2;
 use image::RgbImage;
+
+use super::neighbours::Seen;
+use crate::statistics::quantile;
 
 /// Brightness of a photo's pixels.
 pub(super) struct Luma {
@@ -11,9 +16,9 @@ pub(super) struct Luma {
     values: Vec<f32>,
 }
 
-/// How a photo, or a part of one, looks.
+/// Brightness and detail of a photo, or of a part of one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Look {
+pub(super) struct RegionQuality {
     /// Mean luma, 0 to 255.
     pub(super) brightness: f64,
     /// Logarithm of the Laplacian's mean square over the squared brightness: of fine detail, in
@@ -21,15 +26,17 @@ pub(super) struct Look {
     pub(super) detail: f64,
 }
 
-/// How a whole photo looks.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct WholeLook {
+/// Brightness, detail and contrast of a whole photo.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PhotoQuality {
     /// Its brightness, and the detail of its sharper parts: a blurred background is no fault.
-    pub(super) look: Look,
+    pub(super) whole: RegionQuality,
     /// Logarithm of fine detail over coarse: blur takes the fine first, whatever the photo shows.
     pub(super) slope: f64,
     /// Difference between the brightest and the darkest luma, but for 2 % of the pixels each.
     pub(super) contrast: f64,
+    /// Brightness and detail around the sparse points that the photo sees, by their indices.
+    pub(super) at_points: HashMap<usize, RegionQuality>,
 }
 
 /// Half the side of the window around a sparse point, in pixels.
@@ -61,8 +68,8 @@ impl Luma {
         }
     }
 
-    /// Of the whole photo.
-    pub(super) fn whole(&self) -> WholeLook {
+    /// Of the whole photo, and around the points that it sees.
+    pub(super) fn quality(&self, seen: &Seen) -> PhotoQuality {
         let brightness = f64::from(mean(&self.values));
         let side = (self.width.max(self.height) / BLOCKS).max(LEAST_BLOCK);
         let mut squares = Vec::new();
@@ -71,21 +78,24 @@ impl Luma {
                 squares.push(self.square([left, left + side], [top, top + side]));
             }
         }
-        squares.sort_by(f64::total_cmp);
-        let sharp = squares.get((squares.len() as f64 * SHARPER) as usize);
+        let sharp = quantile(squares, SHARPER);
         let all = |of: &Self| of.square([0, of.width], [0, of.height]) + ROUNDING;
-        WholeLook {
-            look: Look {
+        PhotoQuality {
+            whole: RegionQuality {
                 brightness,
-                detail: detail(sharp.copied().unwrap_or(0.0), brightness),
+                detail: detail(sharp.unwrap_or(0.0), brightness),
             },
             slope: (all(self) / all(&self.halved().halved())).ln(),
             contrast: self.contrast(),
+            at_points: seen
+                .iter()
+                .filter_map(|(point, pixel)| Some((*point, self.around(*pixel)?)))
+                .collect(),
         }
     }
 
     /// Around a pixel; `None` where the window leaves the photo.
-    pub(super) fn around(&self, pixel: DVec2) -> Option<Look> {
+    fn around(&self, pixel: DVec2) -> Option<RegionQuality> {
         let range = |at: f64, size: usize| {
             // The cast of a negative or NaN position saturates to 0, which is too near the border.
             let at = at as usize;
@@ -94,7 +104,7 @@ impl Luma {
         let (columns, rows) = (range(pixel.x, self.width)?, range(pixel.y, self.height)?);
         let parts = (rows[0]..rows[1]).map(|y| mean(&self.row(y)[columns[0]..columns[1]]));
         let brightness = f64::from(parts.sum::<f32>()) / (rows[1] - rows[0]) as f64;
-        Some(Look {
+        Some(RegionQuality {
             brightness,
             detail: detail(self.square(columns, rows), brightness),
         })
