@@ -349,6 +349,7 @@ size = \"32x24\"
 output = \"batch/{model}\"
 ";
 
+#[allow(clippy::too_many_lines, reason = "one story, step by step")]
 fn a_batch_does_what_is_missing(folder: &Path) {
     fs::create_dir(folder.join("jobs")).unwrap();
     // Paths start at the file.

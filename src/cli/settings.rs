@@ -233,7 +233,7 @@ mod tests {
         let config = set(&["style.shading.surface.canvas=null"]).unwrap();
         assert_eq!(config.style.shading.canvas(), None);
         let config = set(&["style.shading=samples"]).unwrap();
-        assert_eq!(config.style.shading, Shading::Samples);
+        assert_eq!(to_json(&config.style.shading), "samples");
         let frequency = r#"field.inner.encoding={"frequency": {"bands": 4}}"#;
         let config = set(&[frequency]).unwrap();
         assert_eq!(config.field.inner.encoding.hash_grid(), None);

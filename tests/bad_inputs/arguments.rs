@@ -23,6 +23,7 @@ pub fn cases() -> Vec<Case> {
         .collect()
 }
 
+#[allow(clippy::too_many_lines, reason = "one table")]
 fn settings() -> Vec<Case> {
     vec![
         bad(
@@ -200,6 +201,7 @@ fn outputs() -> Vec<Case> {
     ]
 }
 
+#[allow(clippy::too_many_lines, reason = "one table")]
 fn arguments() -> Vec<Case> {
     vec![
         usage(

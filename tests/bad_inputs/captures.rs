@@ -70,6 +70,7 @@ fn places() -> Vec<Case> {
     ]
 }
 
+#[allow(clippy::too_many_lines, reason = "one table")]
 fn transforms_files() -> Vec<Case> {
     vec![
         bad(
@@ -262,6 +263,7 @@ fn transforms_files() -> Vec<Case> {
     ]
 }
 
+#[allow(clippy::too_many_lines, reason = "one table")]
 fn colmap() -> Vec<Case> {
     vec![
         bad(

@@ -9,6 +9,7 @@ use super::{Case, bad};
 const RENDER: &str = "render model -o new";
 const MODEL: &str = "model/model.safetensors";
 
+#[allow(clippy::too_many_lines, reason = "one table")]
 pub fn cases() -> Vec<Case> {
     vec![
         bad(

@@ -28,6 +28,7 @@ fn huge() -> Vec<u8> {
     [HUGE, &(!crc).to_be_bytes(), b"\0\0\0\0IDAT\x35\xaf\x06\x1e"].concat()
 }
 
+#[allow(clippy::too_many_lines, reason = "one table")]
 pub fn photos() -> Vec<Case> {
     vec![
         bad(
@@ -143,6 +144,7 @@ fn mask(folder: &Path, picture: &GrayImage) {
     picture.save(folder.join("scene/masks/0003.png")).unwrap();
 }
 
+#[allow(clippy::too_many_lines, reason = "one table")]
 pub fn paintings() -> Vec<Case> {
     vec![
         bad(

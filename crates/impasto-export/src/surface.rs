@@ -65,7 +65,7 @@ fn sample(camera: &Pinhole, depths: &[(f32, bool)], x: usize, y: usize) -> Sampl
     let with = |depth, normal| Sample { depth, normal, sky };
     let direction = camera.direction(x, y);
     if sky {
-        return with(depth, -(camera.rotation * direction).normalize());
+        return with(depth, -(camera.rotation * direction).normalize_or_zero());
     }
     let (mut products, mut right, mut count, mut all) = (Mat3::ZERO, Vec3::ZERO, 0.0, 0.0);
     for dy in -REACH..=REACH {

@@ -13,7 +13,7 @@ const FIRST_PAINT: f32 = 0.5;
 
 /// Weights of the canvas encoding in both volumes.
 #[derive(Debug, Clone)]
-pub struct Canvas {
+pub struct CanvasWeights {
     /// Inner volume.
     pub inner: Tensor<1>,
     /// Outer volume.
@@ -30,7 +30,7 @@ pub struct Appearance {
     /// W^app of the outer volume, flat.
     pub outer: Tensor<1>,
     /// The canvas encoding's weights, where the configuration has one.
-    pub canvas: Option<Canvas>,
+    pub canvas: Option<CanvasWeights>,
     /// The field's learned vector, where the configuration asks for one. The field's, no parameter
     /// of the appearance.
     pub latent: Option<Tensor<1>>,
@@ -46,7 +46,7 @@ impl Appearance {
     ) -> Self {
         let mut app = |width| kaiming(config.network(width).layers(), rng, device);
         let [inner, outer] = [app(features[0]), app(features[1])];
-        let canvas = config.shading.canvas().map(|grid| Canvas {
+        let canvas = config.shading.canvas().map(|grid| CanvasWeights {
             inner: hash_table(grid, FIRST_PAINT, rng, device),
             outer: hash_table(grid, FIRST_PAINT, rng, device),
         });
@@ -62,7 +62,7 @@ impl Appearance {
     /// Zero weights, for reading.
     pub fn zeros(config: AppearanceConfig, features: [usize; 2], device: &Device) -> Self {
         let app = |width| Tensor::zeros([config.network(width).params()], device);
-        let canvas = config.shading.canvas().map(|grid| Canvas {
+        let canvas = config.shading.canvas().map(|grid| CanvasWeights {
             inner: Tensor::zeros([grid.params()], device),
             outer: Tensor::zeros([grid.params()], device),
         });
@@ -76,7 +76,7 @@ impl Appearance {
     }
 }
 
-impl Parameters for Canvas {
+impl Parameters for CanvasWeights {
     fn try_map<E>(
         &self,
         f: &mut dyn FnMut(&str, &Tensor<1>) -> Result<Tensor<1>, E>,

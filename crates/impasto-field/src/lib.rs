@@ -32,7 +32,7 @@ pub mod sphere;
 pub mod training;
 mod volrend;
 
-pub use appearance::{Appearance, Canvas};
+pub use appearance::{Appearance, CanvasWeights};
 pub use backend::reference::FieldValues;
 pub use branch::{Branch, BranchWeights};
 pub use config::{

@@ -2,7 +2,7 @@
 
 use crate::config::TrainConfig;
 use burn::tensor::{Device, Tensor};
-use impasto_field::{Appearance, Canvas, Field, Parameters};
+use impasto_field::{Appearance, CanvasWeights, Field, Parameters};
 use impasto_style::{Hypernetwork, HypernetworkWeights, StyleCode};
 use rand_pcg::Pcg64;
 
@@ -14,7 +14,7 @@ pub struct StyleModel {
     /// Their weights, after those for the first field of a cascade, where there is one.
     pub levels: Vec<[HypernetworkWeights; 2]>,
     /// The canvas encoding, where the appearance has one.
-    pub canvas: Option<Canvas>,
+    pub canvas: Option<CanvasWeights>,
 }
 
 /// The hypernetworks' sizes for a configuration.

@@ -351,6 +351,7 @@ fn wait(studio: &Studio, job: &Value, wanted: &str) -> Value {
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "one story, step by step")]
 fn films_are_made_one_after_the_other() {
     let studio = Studio::with(Setup {
         workshop: Box::new(Bench),

@@ -2,7 +2,7 @@
 
 use impasto::TrainConfig;
 use impasto::scene::Scene;
-use impasto::scene::inspect::{Inspection, CapturePattern};
+use impasto::scene::inspect::{CapturePattern, Inspection};
 use impasto_train::estimate::{GIB, shrink_to_fit};
 use serde::Serialize;
 

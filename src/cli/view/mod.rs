@@ -54,7 +54,7 @@ pub fn run(args: &ViewArgs) -> Result<CommandOutput, CliError> {
     } else {
         Some(painter(&args.model, &device, &shown)?)
     };
-    let scratch = tempfile::tempdir().map_err(CliError::write(&std::env::temp_dir()))?;
+    let scratch = tempfile::tempdir().map_err(CliError::write(&tempfile::env::temp_dir()))?;
     let server = Server::bind(ViewOptions {
         address: args.host.unwrap_or(std::net::Ipv4Addr::LOCALHOST.into()),
         port: args.port,

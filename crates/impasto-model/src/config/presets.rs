@@ -13,6 +13,7 @@ use impasto_style::{Network, PatchStrides, StyleReduction};
 
 impl TrainConfig {
     /// The default preset: hash grids, small networks, and paint that two views agree on.
+    #[allow(clippy::too_many_lines, reason = "one table")]
     pub fn fast() -> Self {
         let grid = |log2_entries, finest| {
             EncodingConfig::HashGrid(HashGridSpec {
@@ -127,6 +128,7 @@ impl TrainConfig {
 impl TrainConfig {
     /// The paper's architecture and schedule (PAPER §2–8), with what its published implementation
     /// adds. Two levels of the cascade, each with its own networks.
+    #[allow(clippy::too_many_lines, reason = "one table")]
     pub fn paper() -> Self {
         let fast = Self::fast();
         let volume = VolumeConfig {

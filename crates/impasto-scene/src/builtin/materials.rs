@@ -150,7 +150,7 @@ fn foliage(
         noise3(p * frequency + 19.0),
         noise3(p * frequency + 43.0),
     );
-    let normal = (normal + 0.8 * strength * bump).normalize();
+    let normal = (normal + 0.8 * strength * bump).normalize_or_zero();
     let green = dark.lerp(light, smoothstep(-0.6, 0.6, mottle + 0.5 * normal.z));
     Surface {
         wrap: 0.35,

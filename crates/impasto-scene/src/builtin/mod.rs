@@ -96,8 +96,8 @@ fn on_walk(intrinsics: Intrinsics, index: usize, photos: usize) -> Camera {
 
 /// Camera-to-world with x right, y down, z towards `aim`; world z is up.
 fn looking_at(eye: DVec3, aim: DVec3) -> DMat4 {
-    let forward = (aim - eye).normalize();
-    let right = forward.cross(DVec3::Z).normalize();
+    let forward = (aim - eye).normalize_or_zero();
+    let right = forward.cross(DVec3::Z).normalize_or_zero();
     DMat4::from_mat3_translation(DMat3::from_cols(right, forward.cross(right), forward), eye)
 }
 

@@ -158,7 +158,7 @@ impl Solid {
             }
             Primitive::Ellipsoid(radii) => {
                 let (near, _) = ellipsoid_roots(radii, o, d)?;
-                (near > min).then(|| (near, ((o + d * near) / (radii * radii)).normalize()))
+                (near > min).then(|| (near, ((o + d * near) / (radii * radii)).normalize_or_zero()))
             }
         };
         let (t, normal) = found?;
@@ -181,7 +181,7 @@ impl Solid {
             Contact {
                 t,
                 point,
-                normal: (point / (radii * radii)).normalize(),
+                normal: (point / (radii * radii)).normalize_or_zero(),
                 inner,
             }
         };
@@ -239,7 +239,7 @@ fn hit_ridge([x, y, height, ridge]: [f32; 4], o: Vec3, d: Vec3, min: f32) -> Opt
             return None;
         }
     }
-    (near > min && near <= far).then(|| (near, normal.normalize()))
+    (near > min && near <= far).then(|| (near, normal.normalize_or_zero()))
 }
 
 fn hit_stump([bottom, top, height]: [f32; 3], o: Vec3, d: Vec3, min: f32) -> Option<(f32, Vec3)> {

@@ -93,7 +93,7 @@ impl World {
         } else {
             0.0
         };
-        let half = (SUN - direction).normalize();
+        let half = (SUN - direction).normalize_or_zero();
         let highlight =
             n.dot(half).max(0.0).powf(surface.sharpness) * f32::from(u8::from(flat.dot(SUN) > 0.0));
         let mut colour =
@@ -134,7 +134,7 @@ impl World {
             mirror: 0.16 - 0.11 * dull,
             ..Surface::matte(
                 metal.lerp(verdigris, patina).lerp(rgb(0xDDA83E), gilt),
-                (normal + 0.22 * Vec3::from(grain)).normalize(),
+                (normal + 0.22 * Vec3::from(grain)).normalize_or_zero(),
             )
         }
     }

@@ -47,7 +47,7 @@ impl CameraGeometry {
         let up = self.up;
         let gaze = self.gaze - up * self.gaze.dot(up);
         let away = if gaze.length() > COMMON {
-            gaze.normalize()
+            gaze.normalize_or_zero()
         } else {
             up.cross(self.widest(cameras))
         };
