@@ -6,6 +6,7 @@ use image::{Rgb, RgbImage};
 use impasto_eval::methods::{Stylizer, Transfer};
 use impasto_eval::{EvalOptions, Evaluation, Reconstruct, evaluate};
 use impasto_field::EncodingConfig;
+use impasto_kernels::HashGridSpec;
 use impasto_kernels::device::tested;
 use impasto_model::{Budget, Model, Stages, TrainConfig};
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
@@ -43,16 +44,16 @@ fn tiny_model() -> Model {
     painting(120).1.save(styles.join("one.png")).unwrap();
     let mut config = TrainConfig::fast();
     for volume in [&mut config.field.inner, &mut config.field.outer] {
-        volume.encoding = EncodingConfig::HashGrid {
+        volume.encoding = EncodingConfig::HashGrid(HashGridSpec {
             levels: 4,
             features: 4,
             log2_entries: 10,
             coarsest: 8.0,
             finest: 64.0,
-        };
+        });
     }
-    config.field.sampling.inner_grid = 16;
-    config.field.sampling.outer_grid = 16;
+    let spec = config.field.occupancy_mut().unwrap();
+    (spec.inner_grid, spec.outer_grid) = (16, 16);
     config.geometry.samples = 5000;
     config.geometry.rays = [128, 512];
     config.style.patch = [32, 40];

@@ -44,7 +44,7 @@ pub use field::{Field, FieldWeights, RadianceField};
 pub use grids::{OccupancyGrids, VisibleCells};
 pub use network::{AppNetwork, Trunk};
 pub use parameters::Parameters;
-pub use rays::{RayBatch, contracted_distance};
+pub use rays::{RayBatch, contracted_distance, jitter};
 pub use renderer::{GBufferOptions, RayBuffers, RenderedRays, Renderer};
 pub use sampling::Samples;
 pub use volrend::gbuffer::GBuffer;

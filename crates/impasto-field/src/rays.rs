@@ -61,7 +61,7 @@ pub fn contracted_distance(distance: f32) -> f32 {
 /// A cheap, well-mixed random number in `[0, 1)` for a seed and a ray: where in their parts all the
 /// samples of the ray lie; without a seed, in the middle.
 #[inline(always)]
-pub(crate) fn jitter(seed: Option<u64>, ray: usize) -> f32 {
+pub fn jitter(seed: Option<u64>, ray: usize) -> f32 {
     let Some(seed) = seed else { return 0.5 };
     let mut x = seed ^ (ray as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use impasto_field::encoding::frequencies;
-use impasto_field::sampling::cascade::resample;
+use impasto_field::sampling::hierarchical::resample;
 use impasto_field::sphere::{exit, outer_point};
 use safetensors::SafeTensors;
 

@@ -4,15 +4,16 @@
 mod common;
 
 use burn::tensor::Tensor;
-use common::{app, config, hash_grid, many_rays, rays};
-use impasto_field::loss::Wanted;
+use common::{app, config, grids, hash_grid, many_rays, paint, rays};
 use impasto_field::sphere::{self, from_outer_cube, outer_cube, outer_point};
+use impasto_field::training::RayTargets;
 use impasto_field::{
-    Appearance, AppearanceConfig, BranchWeights, CascadeConfig, DensityActivation, EncodingConfig,
-    Field, FieldWeights, Grids, RayBatch, Shading, render::host, render_rays, sampling,
+    Appearance, AppearanceConfig, EncodingConfig, Field, GBuffer, GBufferOptions,
+    HierarchicalConfig, OccupancyGrids, Parameters, RadianceField, RayBatch, Renderer,
+    SamplingConfig, VisibleCells, contracted_distance, host,
 };
-use impasto_kernels::DensityGrid;
 use impasto_kernels::device::tested;
+use impasto_kernels::{Density, DensityGrid};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -47,16 +48,17 @@ fn outer_cube_can_be_undone() {
 #[test]
 fn a_shell_receives_its_samples_where_it_is() {
     let field = Field::new(config(&hash_grid()));
-    let mut grids = field.grids(0.0, None);
+    let mut grids = grids(&field, 0.0);
     let levels = (0..grids.outer().cells()).map(|cell| {
         let shell = from_outer_cube(grids.outer().position(cell, [0.5; 3]));
         let inside = shell.is_some_and(|p| (p[3] - 0.2).abs() < 0.05);
         DensityGrid::level_of(if inside { 100.0 } else { 0.0 })
     });
     let outer = DensityGrid::from_levels(levels.collect()).unwrap();
-    grids = Grids::new(grids.inner().clone(), outer);
-    let samples = field.sample(&rays(), &grids, None);
-    let (points, _) = samples.outer.raw.as_chunks::<4>();
+    grids = OccupancyGrids::new(grids.inner().clone(), outer);
+    let samples = field.sample(&rays(), Some(&grids), Some(3));
+    let (cubes, _) = samples.outer.cube.as_chunks::<3>();
+    let points: Vec<[f32; 4]> = cubes.iter().map(|c| from_outer_cube(*c).unwrap()).collect();
     for span in &samples.layout.rays {
         assert_eq!(span.inner.len() + span.outer.len(), 40);
         let split = samples.inner.len();
@@ -76,15 +78,16 @@ fn a_shell_receives_its_samples_where_it_is() {
 fn samples_stand_for_the_whole_ray() {
     let field = Field::new(config(&hash_grid()));
     for density in [0.0, 1.0, 50.0] {
-        for seed in [None, Some(4)] {
-            let samples = field.sample(&rays(), &field.grids(density, None), seed);
+        for seed in [Some(3), Some(4)] {
+            let samples = field.sample(&rays(), Some(&grids(&field, density)), seed);
             let layout = &samples.layout;
             for (ray, span) in layout.rays.iter().enumerate() {
                 let sum = |range: std::ops::Range<usize>| layout.deltas[range].iter().sum::<f32>();
                 let (origin, direction) = (rays().origins[ray], rays().directions[ray]);
                 let length = sphere::dot(direction, direction).sqrt();
                 let far = sphere::exit(origin, direction).unwrap();
-                let inner = (far - field.config.sampling.near) * length;
+                let near = field.config.occupancy().unwrap().near;
+                let inner = (far - near) * length;
                 if !span.inner.is_empty() {
                     assert!((sum(span.inner.clone()) - inner).abs() < 1e-4);
                 }
@@ -105,14 +108,14 @@ fn grids_learn_where_the_field_is_dense() {
     let mut rng = Pcg64::seed_from_u64(2);
     let weights = field.init(&mut rng, &device);
     // Half of space is never seen.
-    let visible = field.visible(|point| point[0] > 0.0);
-    let mut grids = field.grids(1.0, Some(&visible));
+    let visible = VisibleCells::new(field.config.occupancy().unwrap(), |point| point[0] > 0.0);
+    let everywhere = grids(&field, 1.0);
+    let mut grids = everywhere.clone().only(&visible);
     for _ in 0..60 {
-        field.update_grids(&mut grids, &weights, &visible, [0.5, 0.5], &mut rng);
+        grids.update(&field, &weights, &visible, [0.5, 0.5], &mut rng);
     }
-    let samples = field.sample(&rays(), &field.grids(1.0, None), Some(1));
-    let geometry = field.geometry(&weights, samples.clone());
-    let densities = host(geometry.densities());
+    let samples = field.sample(&rays(), Some(&everywhere), Some(1));
+    let densities = host(field.evaluate(&weights, samples.clone()).density);
     let (points, _) = samples.inner.cube.as_chunks::<3>();
     for (point, density) in points.iter().zip(densities) {
         let found = DensityGrid::density_of(grids.inner().level(*point));
@@ -128,11 +131,13 @@ fn grids_learn_where_the_field_is_dense() {
 fn empty_space_still_renders() {
     let device = tested();
     let field = Field::new(config(&hash_grid()));
-    let grids = field.grids(0.0, None);
+    let grids = grids(&field, 0.0);
     let mut rng = Pcg64::seed_from_u64(1);
     let weights = field.init(&mut rng, &device);
-    let app = Appearance::init(app(), field.features(), &mut rng, &device);
-    let out = render_rays(&field, &weights, &grids, &[&app, &app], &rays());
+    let app = Appearance::init(paint(), field.features(), &mut rng, &device);
+    let configs = [&common::app(), &app.config];
+    let renderer = Renderer::open(field, weights, Some(grids), configs);
+    let out = renderer.render(&rays(), &[&app, &app]);
     assert_eq!(out.colours[0], out.colours[1]);
     assert!(
         out.colours[0].iter().all(|c| *c > 0.0 && *c < 1.0),
@@ -145,19 +150,30 @@ fn few_samples_carry_the_light() {
     let device = tested();
     for encoding in [hash_grid(), EncodingConfig::Frequency { bands: 4 }] {
         let field = Field::new(config(&encoding));
-        let weights = field.init(&mut Pcg64::seed_from_u64(5), &device);
-        let samples = field.sample(&rays(), &field.grids(1.0, None), Some(1));
-        let geometry = field.geometry(&weights, samples);
-        let all = geometry.weights();
-        let kept = geometry.contributing(0.05);
-        assert!(kept.samples() < geometry.samples() && kept.samples() >= 3);
-        assert_eq!(kept.layout().rays.len(), 3);
-        assert_eq!(kept.layout().rays[2].outer.end, kept.samples());
-        let sum = |weights: &[f32]| weights.iter().sum::<f32>();
-        let lost = sum(&all) - sum(&kept.weights());
+        let mut rng = Pcg64::seed_from_u64(5);
+        let weights = field.init(&mut rng, &device);
+        let photo = Appearance::init(app(), field.features(), &mut rng, &device);
+        let renderer = Renderer::reference(field.clone(), weights, Some(grids(&field, 1.0)));
+        let buffer = |least_weight| {
+            let options = GBufferOptions {
+                config: &photo.config,
+                photo: None,
+                seed: Some(1),
+                least_weight,
+                rays_at_once: None,
+            };
+            let mut buffers = renderer.gbuffer(&rays(), &options);
+            buffers.levels.pop().unwrap().remove(0)
+        };
+        let (all, kept) = (buffer(0.0), buffer(0.05));
+        assert!(kept.samples() < all.samples() && kept.samples() >= 3);
+        assert_eq!(kept.rays(), 3);
+        let opacity = |buffer: &GBuffer| {
+            let pixels = host(buffer.shade(&photo));
+            pixels.chunks_exact(6).map(|pixel| pixel[3]).sum::<f32>()
+        };
+        let lost = opacity(&all) - opacity(&kept);
         assert!(lost.abs() < 0.1, "{lost} of three rays' light is lost");
-        let same = geometry.contributing(0.0);
-        assert_eq!(same.weights(), all);
     }
 }
 
@@ -167,24 +183,26 @@ fn merged_samples_let_the_same_light_through_from_the_same_depth() {
     let field = Field::new(config(&hash_grid()));
     let mut rng = Pcg64::seed_from_u64(5);
     let weights = field.init(&mut rng, &device);
-    let app = Appearance::init(app(), field.features(), &mut rng, &device);
-    for inner_is_empty in [false, true] {
-        let mut samples = field.sample(&rays(), &field.grids(1.0, None), Some(1));
-        if inner_is_empty {
-            let split = samples.inner.len();
-            let keep: Vec<bool> = (0..samples.len()).map(|i| i >= split).collect();
-            samples = samples.pruned(&keep);
-        }
-        let geometry = field.geometry(&weights, samples);
-        let surface = AppearanceConfig {
-            shading: Shading::Surface,
-            ..app.config.clone()
+    let surface = Appearance::init(paint(), field.features(), &mut rng, &device);
+    let photo = Appearance::init(app(), field.features(), &mut rng, &device);
+    // So near to the sphere that nothing is sampled inside.
+    let mut outside = RayBatch::default();
+    outside.push([0.0, 0.0, 0.99], [0.1, 0.0, 1.0]);
+    let renderer = Renderer::reference(field.clone(), weights.clone(), Some(grids(&field, 1.0)));
+    for rays in [rays(), outside] {
+        let samples = field.sample(&rays, renderer.grids(), Some(1));
+        assert_eq!(samples.inner.is_empty(), rays.len() == 1);
+        let all = field.evaluate(&weights, samples).gbuffer(&photo.config);
+        let options = GBufferOptions {
+            config: &surface.config,
+            photo: None,
+            seed: Some(1),
+            least_weight: 0.0,
+            rays_at_once: None,
         };
-        let merged = geometry.clone().prepared(&surface);
-        assert!(merged.samples() <= 2 * rays().len() && merged.samples() < geometry.samples());
-        let again = merged.clone().prepared(&surface);
-        let [all, few, again] =
-            [geometry, merged, again].map(|g| host(g.paintable(&surface).composite(&app)));
+        let merged = renderer.gbuffer(&rays, &options).levels.remove(0).remove(0);
+        assert!(merged.samples() <= 2 * rays.len() && merged.samples() < all.samples());
+        let (all, few) = (host(all.shade(&photo)), host(merged.shade(&surface)));
         for (all, few) in all.chunks_exact(6).zip(few.chunks_exact(6)) {
             // Opacity and expected depth are linear in the samples, colour is not.
             for i in [3, 4] {
@@ -193,8 +211,6 @@ fn merged_samples_let_the_same_light_through_from_the_same_depth() {
             }
             assert!(few[..3].iter().all(|c| *c > 0.0 && *c < 1.0));
         }
-        let same = again.iter().zip(&few).all(|(a, b)| (a - b).abs() < 1e-3);
-        assert!(same, "merging twice changes nothing");
     }
 }
 
@@ -202,14 +218,15 @@ fn merged_samples_let_the_same_light_through_from_the_same_depth() {
 fn the_loss_is_that_of_the_composite() {
     let device = tested();
     for (bands, density, latent) in [
-        (Some(2), DensityActivation::Exp, None),
-        (None, DensityActivation::Abs, None),
+        (Some(2), Density::Exp, None),
+        (None, Density::Abs, None),
         // Residual blocks and layers to fold.
-        (Some(2), DensityActivation::Abs, Some(5)),
+        (Some(2), Density::Abs, Some(5)),
     ] {
         let mut sizes = config(&hash_grid());
+        sizes.latent = latent;
         for volume in [&mut sizes.inner, &mut sizes.outer] {
-            (volume.density, volume.latent) = (density, latent);
+            volume.density = density;
             if latent.is_some() {
                 volume.base = vec![8; 3];
             }
@@ -217,26 +234,20 @@ fn the_loss_is_that_of_the_composite() {
         let field = Field::new(sizes);
         let mut rng = Pcg64::seed_from_u64(4);
         let weights = field.init(&mut rng, &device);
-        let settings = AppearanceConfig {
-            canvas: None,
-            view_bands: bands,
-            remap: latent.is_some(),
-            latent,
-            ..app()
-        };
-        let photo = Appearance {
-            latent: weights.inner.latent.clone(),
-            ..Appearance::init(settings, field.features(), &mut rng, &device)
-        };
-        let samples = field.sample(&many_rays(), &field.grids(1.0, None), Some(1));
-        let wanted = Wanted {
+        let mut settings = AppearanceConfig { latent, ..app() };
+        settings.app.view_bands = bands;
+        settings.app.remap = latent.is_some();
+        let photo = Appearance::init(settings, field.features(), &mut rng, &device);
+        let level = RadianceField::new(weights, photo);
+        let samples = field.sample(&many_rays(), Some(&grids(&field, 1.0)), Some(1));
+        let wanted = RayTargets {
             colours: vec![0.3; 900],
             depth: 0.2,
             distortion: 0.1,
         };
-        let found = host(field.loss(&weights, &photo, &samples, wanted));
-        let geometry = field.geometry(&weights, samples);
-        let out = host(geometry.clone().paintable(&photo.config).composite(&photo));
+        let found = host(field.loss(&level, &samples, wanted));
+        let values = field.evaluate(&level.weights, samples);
+        let out = host(values.gbuffer(&level.app.config).shade(&level.app));
         let mean = |of: fn(&[f32]) -> f32| out.chunks_exact(6).map(of).sum::<f32>() / 300.0;
         let error = mean(|o| o[..3].iter().map(|c| (c - 0.3).powi(2)).sum::<f32>() / 3.0);
         let loss = error + 0.2 * mean(|o| o[4]) + 0.1 * mean(|o| o[5]);
@@ -246,7 +257,7 @@ fn the_loss_is_that_of_the_composite() {
             found[1]
         );
         assert!((found[0] / loss - 1.0).abs() < 1e-4, "{} {loss}", found[0]);
-        let densities = host(geometry.densities());
+        let densities = host(values.density);
         let same = densities
             .iter()
             .zip(&found[2..])
@@ -260,16 +271,16 @@ fn samples_do_not_depend_on_threads() {
     let device = tested();
     let field = Field::new(config(&hash_grid()));
     let weights = field.init(&mut Pcg64::seed_from_u64(4), &device);
-    let visible = field.visible(|_| true);
+    let visible = VisibleCells::new(field.config.occupancy().unwrap(), |_| true);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(|| {
-            let mut grids = field.grids(1.0, None);
+            let mut grids = grids(&field, 1.0);
             let mut rng = Pcg64::seed_from_u64(1);
-            field.update_grids(&mut grids, &weights, &visible, [0.5, 0.5], &mut rng);
+            grids.update(&field, &weights, &visible, [0.5, 0.5], &mut rng);
             let levels = [grids.inner().levels(), grids.outer().levels()].concat();
             (
-                field.sample(&many_rays(), &grids, Some(3)).inner.raw,
+                field.sample(&many_rays(), Some(&grids), Some(3)).inner.cube,
                 levels,
             )
         })
@@ -284,17 +295,18 @@ fn poisoned_rays_take_no_inner_samples() {
     rays.push([f32::NAN, 0.0, 0.0], [0.0, 0.0, 1.0]);
     rays.push([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]);
     rays.push([0.0, 0.0, 0.0], [f32::INFINITY, 0.0, 1.0]);
-    let samples = field.sample(&rays, &field.grids(1.0, None), None);
+    let samples = field.sample(&rays, Some(&grids(&field, 1.0)), None);
     assert!(samples.inner.is_empty());
     assert_eq!(samples.layout.rays.len(), 3);
-    assert!((0.0..=1.0).contains(&sampling::contracted_distance(1e9)));
+    assert!((0.0..=1.0).contains(&contracted_distance(1e9)));
 }
 
 fn cascade() -> Field {
     let mut sizes = config(&EncodingConfig::Frequency { bands: 2 });
-    sizes.cascade = Some(CascadeConfig {
+    sizes.sampling = SamplingConfig::Hierarchical(HierarchicalConfig {
         first: 32,
         more: 64,
+        near: 0.05,
     });
     Field::new(sizes)
 }
@@ -302,9 +314,8 @@ fn cascade() -> Field {
 #[test]
 fn a_cascade_spreads_its_first_samples_from_near_to_infinity() {
     let field = cascade();
-    let grids = field.grids(0.0, None);
     for seed in [None, Some(3)] {
-        let samples = field.sample(&rays(), &grids, seed);
+        let samples = field.sample(&rays(), None, seed);
         for (i, span) in samples.layout.rays.iter().enumerate() {
             assert_eq!((span.inner.len(), span.outer.len()), (32, 32));
             let (o, d) = (rays().origins[i], rays().directions[i]);
@@ -326,9 +337,8 @@ fn a_cascade_spreads_its_first_samples_from_near_to_infinity() {
 #[test]
 fn a_cascade_puts_more_samples_where_the_light_is() {
     let field = cascade();
-    let grids = field.grids(0.0, None);
     for seed in [None, Some(5)] {
-        let first = field.sample(&rays(), &grids, seed);
+        let first = field.sample(&rays(), None, seed);
         let split = first.inner.len();
         let (points, _) = first.outer.raw.as_chunks::<4>();
         // A wall 0.6 away inside, seen by the first ray alone; a shell at 1/r = 0.2 outside, which
@@ -345,7 +355,7 @@ fn a_cascade_puts_more_samples_where_the_light_is() {
                 densities[i] = if there { 1e3 } else { 0.0 };
             }
         }
-        let refined = field.refine(&rays(), first, &densities, seed);
+        let refined = field.resample(&rays(), first, &densities, seed);
         let split = refined.inner.len();
         let (points, _) = refined.outer.raw.as_chunks::<4>();
         for (ray, span) in refined.layout.rays.iter().enumerate() {
@@ -369,9 +379,9 @@ fn a_cascade_puts_more_samples_where_the_light_is() {
 #[test]
 fn poisoned_densities_leave_a_cascade_finite_places() {
     let field = cascade();
-    let first = field.sample(&rays(), &field.grids(0.0, None), None);
+    let first = field.sample(&rays(), None, None);
     let densities = vec![f32::NAN; first.len()];
-    let refined = field.refine(&rays(), first, &densities, None);
+    let refined = field.resample(&rays(), first, &densities, None);
     assert!(refined.outer.raw.iter().all(|x| x.is_finite()));
     assert!(refined.inner.raw.iter().all(|x| x.is_finite()));
 }
@@ -382,43 +392,31 @@ fn the_gradients_of_parts_of_the_rays_add_up() {
     let field = Field::new(config(&hash_grid()));
     let mut rng = Pcg64::seed_from_u64(6);
     let weights = field.init(&mut rng, &device);
-    let settings = AppearanceConfig {
-        canvas: None,
-        ..app()
-    };
-    let photo = Appearance::init(settings, field.features(), &mut rng, &device);
+    let photo = Appearance::init(app(), field.features(), &mut rng, &device);
+    let level = RadianceField::new(weights, photo);
     let rays = many_rays();
-    let samples = field.sample(&rays, &field.grids(1.0, None), Some(1));
+    let samples = field.sample(&rays, Some(&grids(&field, 1.0)), Some(1));
     let all = rays.len();
     let gradient = |turn: usize| {
-        let mut sum = vec![0.0; host(weights.outer.base.clone()).len()];
-        let base = Tensor::from_inner(weights.outer.base.clone()).require_grad();
-        let lift = |t: &Tensor<1>| Tensor::from_inner(t.clone());
-        let branch = |w: &BranchWeights, base: Tensor<1>| BranchWeights {
-            encoding: lift(&w.encoding),
-            base,
-            geo: lift(&w.geo),
-            latent: None,
-        };
-        let tracked = FieldWeights {
-            inner: branch(&weights.inner, lift(&weights.inner.base)),
-            outer: branch(&weights.outer, base.clone()),
-            coarse: None,
-        };
-        let photo = Appearance {
-            inner: lift(&photo.inner),
-            outer: lift(&photo.outer),
-            ..photo.clone()
-        };
+        let tracked = level.map(|name, t| {
+            let lifted = Tensor::from_inner(t.clone());
+            if name == "outer.base" {
+                lifted.require_grad()
+            } else {
+                lifted
+            }
+        });
+        let base = &tracked.weights.outer.base;
+        let mut sum = vec![0.0; base.dims()[0]];
         for start in (0..all).step_by(turn) {
             let part = start..(start + turn).min(all);
-            let wanted = Wanted {
+            let wanted = RayTargets {
                 colours: vec![0.3; 3 * part.len()],
                 depth: 0.2,
                 distortion: 0.1,
             };
             let share = part.len() as f32 / all as f32;
-            let loss = field.loss(&tracked, &photo, &samples.of_rays(part), wanted);
+            let loss = field.loss(&tracked, &samples.of_rays(part), wanted);
             let gradients = loss.slice_dim(0, 0..1).backward();
             let own = host(base.grad(&gradients).unwrap());
             sum.iter_mut().zip(own).for_each(|(s, g)| *s += share * g);

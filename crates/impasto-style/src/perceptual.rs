@@ -8,12 +8,13 @@ use impasto_kernels::{ConvLayer, FeatureMap, PerceptualStack, ops};
 use std::sync::Arc;
 
 pub(crate) const VGG16_FILE: &str = "vgg16_conv1_1_to_conv4_1_f16.safetensors";
-pub(crate) const MEANS_FILE: &str = "vgg16_mean_activations_f16.safetensors";
+pub(crate) static MEANS_FILE: &str = "vgg16_mean_activations_f16.safetensors";
 /// The shipped filters, see `assets/ATTRIBUTION.md`.
-pub(crate) const VGG16: &[u8] =
+// A static, so that the program holds it once.
+pub(crate) static VGG16: &[u8] =
     include_bytes!("../../../assets/vgg16_conv1_1_to_conv4_1_f16.safetensors");
 /// Mean activation of every filter, made by `examples/measure_activations.rs`.
-pub(crate) const MEANS: &[u8] =
+pub(crate) static MEANS: &[u8] =
     include_bytes!("../../../assets/vgg16_mean_activations_f16.safetensors");
 
 /// Layer, whether a pool comes before it, whether its statistics are part of a style.

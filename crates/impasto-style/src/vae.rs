@@ -8,7 +8,7 @@ use impasto_kernels::{Activation, MlpSpec, cpu};
 use serde::{Deserialize, Serialize};
 
 /// The shipped weights, made by `impasto train-encoder`.
-pub(crate) const SHIPPED: &[u8] = include_bytes!("../../../assets/style_vae_f16.safetensors");
+pub(crate) static SHIPPED: &[u8] = include_bytes!("../../../assets/style_vae_f16.safetensors");
 pub(crate) const WIDTH: usize = 1024;
 
 /// z_S: a painting as the hypernetwork sees it.

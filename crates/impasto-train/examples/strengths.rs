@@ -40,7 +40,11 @@ impl Gallery {
     fn statistics(&self, view: &ViewGBuffer, pixels: &[f32]) -> Answer<Statistics> {
         let bytes = pixels.iter().map(|v| (v * 255.0).round() as u8).collect();
         let picture = image::RgbImage::from_raw(view.width as u32, view.height as u32, bytes);
-        Ok(whole(&self.vgg, &picture.ok_or("no picture")?, STYLE_SIDE)?)
+        Ok(painting_statistics(
+            &self.vgg,
+            &picture.ok_or("no picture")?,
+            STYLE_SIDE,
+        )?)
     }
 
     /// Mean over the views of a number of their painted and their plain statistics.
@@ -56,7 +60,7 @@ impl Gallery {
         for view in &self.views {
             let painted = self.model.shade(view, std::slice::from_ref(&coat));
             let painted = self.statistics(view, &painted)?;
-            sum += number(&painted, &self.statistics(view, view.photo())?);
+            sum += number(&painted, &self.statistics(view, &view.photo)?);
         }
         Ok(sum / self.views.len() as f32)
     }
@@ -77,7 +81,7 @@ fn main() -> Answer<()> {
     let mut known: Vec<(&str, Statistics, StyleEmbedding)> = Vec::new();
     for name in paintings {
         let painting = read_rgb(Path::new(name))?;
-        let wanted = whole(&gallery.vgg, &painting, STYLE_SIDE)?;
+        let wanted = painting_statistics(&gallery.vgg, &painting, STYLE_SIDE)?;
         let inspiration = gallery.model.embedding(&painting)?;
         let look = gallery.look(&[(inspiration.clone(), 1.0)])?;
         write!(out, "{name}:")?;

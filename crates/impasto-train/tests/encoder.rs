@@ -24,7 +24,8 @@ fn the_shipped_encoder_rebuilds_paintings_that_it_never_saw() {
     let vae = StyleVae::shipped().unwrap();
     let check = check_encoder(
         &vae,
-        (heldout.as_ref(), EncoderOptions::SIDE),
+        heldout.as_ref(),
+        EncoderOptions::SIDE,
         None,
         &mut |_| (),
     )

@@ -4,15 +4,14 @@
 
 use burn::tensor::{Gradients, Tensor, TensorData};
 use impasto_field::encoding::matrix;
-use impasto_field::render::host;
 use impasto_field::sampling::{Samples, VolumeSamples};
 use impasto_field::sphere::outer_point;
 use impasto_field::{
-    Appearance, AppearanceConfig, BranchWeights, DensityActivation, EncodingConfig, Field,
-    FieldConfig, FieldWeights, SamplingConfig, Shading, Trunk, VolumeConfig,
+    AppConfig, Appearance, AppearanceConfig, BranchWeights, EncodingConfig, Field, FieldConfig,
+    FieldWeights, HierarchicalConfig, RayBatch, SamplingConfig, Shading, Trunk, VolumeConfig, host,
 };
 use impasto_kernels::device::tested;
-use impasto_kernels::{Activation, CompositeLayout, LayerSpec, MlpSpec, RaySpan, ops};
+use impasto_kernels::{Activation, CompositeLayout, Density, LayerSpec, MlpSpec, RaySpan, ops};
 use impasto_style::{Hypernetwork, HypernetworkWeights};
 use safetensors::SafeTensors;
 use std::sync::Arc;
@@ -124,12 +123,13 @@ fn weighted<const D: usize>(tensor: Tensor<D>, weights: Vec<f32>) -> Tensor<1> {
 /// The paper's `app`, 24 wide: learned for photos, or predicted.
 fn app(predicted: bool) -> AppearanceConfig {
     AppearanceConfig {
-        hidden: vec![WIDTH, WIDTH, WIDTH / 2],
-        layer_norm: predicted,
-        view_bands: Some(4),
-        canvas: None,
+        app: AppConfig {
+            hidden: vec![WIDTH, WIDTH, WIDTH / 2],
+            layer_norm: predicted,
+            view_bands: Some(4),
+            remap: true,
+        },
         shading: Shading::Samples,
-        remap: true,
         latent: (!predicted).then_some(LATENT),
     }
 }
@@ -140,7 +140,7 @@ fn geo() -> MlpSpec {
 
 /// Hypernetworks with stored weights, and the names of each one's layers.
 fn hypernetwork(golden: &Golden, branch: &str) -> (Hypernetwork, HypernetworkWeights) {
-    let app = app(true).network(WIDTH, 3);
+    let app = app(true).network(WIDTH);
     let weights = HYPER.map(|layer| {
         leaf(golden.flat(
             &format!("param.{branch}"),
@@ -161,7 +161,7 @@ fn hyper(layer: &str) -> [String; 3] {
 fn a_branch_of_the_geometry_stage_agrees() {
     let golden = Golden::new("tests/golden/mlp_geometry_stage");
     let trunk = Trunk::residual(63, WIDTH, 2, LATENT);
-    let app = app(false).network(WIDTH, 3);
+    let app = app(false).network(WIDTH);
     let [base, geo_weights, app_weights] =
         [&TRUNK[..], &GEO, &APP].map(|layers| leaf(golden.flat("param.", layers)));
     assert_eq!(base.dims()[0], trunk.params());
@@ -171,7 +171,8 @@ fn a_branch_of_the_geometry_stage_agrees() {
     let view = matrix(golden.floats("view"), 27, &device());
     let features = trunk.forward(position, &base, Some(&latent));
     let sigma = ops::mlp(features.clone(), geo_weights.clone(), &geo()).abs();
-    let rgb = app.forward(features, vec![view], (&app_weights, Some(&latent)), None);
+    let folded = app.folded(&app_weights, Some(&latent));
+    let rgb = app.forward(vec![features, view], folded, None);
     golden.check("sigma", &host(sigma.clone()));
     golden.check("rgb", &host(rgb.clone()));
     let loss = weighted(rgb, linspace(0.1, 1.0, 36)) + weighted(sigma, linspace(-1.0, 1.0, 12));
@@ -185,7 +186,7 @@ fn a_branch_of_the_geometry_stage_agrees() {
 fn a_branch_of_the_stylization_stage_agrees() {
     let golden = Golden::new("tests/golden/mlp_stylization_stage");
     let trunk = Trunk::residual(63, WIDTH, 2, LATENT);
-    let app = app(true).network(WIDTH, 3);
+    let app = app(true).network(WIDTH);
     let base = leaf(golden.flat("param.", &TRUNK));
     let latent = leaf(golden.floats("latent"));
     let style = leaf(golden.floats("style"));
@@ -205,7 +206,7 @@ fn a_branch_of_the_stylization_stage_agrees() {
         Some(&latent),
     );
     let view = matrix(golden.floats("view"), 27, &device());
-    let rgb = app.forward(features, vec![view], (&predicted, None), None);
+    let rgb = app.forward(vec![features, view], app.folded(&predicted, None), None);
     golden.check("rgb", &host(rgb.clone()));
     let gradients = weighted(rgb, linspace(0.1, 1.0, 36)).backward();
     golden.check_gradient(("", &TRUNK), (&base, &gradients), GRADIENTS);
@@ -229,23 +230,18 @@ fn field() -> Field {
     let volume = VolumeConfig {
         encoding: EncodingConfig::Frequency { bands: 10 },
         base: vec![WIDTH; 5],
-        latent: Some(LATENT),
         geo: vec![WIDTH / 2],
-        density: DensityActivation::Abs,
+        density: Density::Abs,
     };
     Field::new(FieldConfig {
         inner: volume.clone(),
         outer: volume,
-        sampling: SamplingConfig {
-            samples: 32,
-            explore: 1.0,
-            inner_step: 0.1,
-            outer_steps: 16,
-            inner_grid: 1,
-            outer_grid: 1,
+        latent: Some(LATENT),
+        sampling: SamplingConfig::Hierarchical(HierarchicalConfig {
+            first: 16,
+            more: 16,
             near: 0.0,
-        },
-        cascade: None,
+        }),
     })
 }
 
@@ -258,10 +254,10 @@ fn field_weights(golden: &Golden) -> FieldWeights {
             encoding: leaf(vec![0.0]),
             base: leaf(golden.flat(&prefix, &TRUNK)),
             geo: leaf(golden.flat(&prefix, &GEO)),
-            latent: Some(latent.clone()),
         }
     };
     FieldWeights {
+        latent: Some(latent),
         inner: branch("fg_net."),
         outer: branch("bg_net."),
         coarse: None,
@@ -291,7 +287,6 @@ fn samples(golden: &Golden) -> Samples {
         for (i, t) in edges[..each].iter().enumerate() {
             inner.raw.extend([0, 1, 2].map(|a| o[a] + t * d[a]));
             inner.cube.extend([0.0; 3]);
-            inner.views.extend(d.map(|c| c / length));
             steps[0][0].push((edges[i + 1] - t) * length);
             steps[0][1].push(*t);
         }
@@ -299,7 +294,6 @@ fn samples(golden: &Golden) -> Samples {
             let (point, depth) = outer_point(o, d, *s);
             outer.raw.extend(point);
             outer.cube.extend([0.0; 3]);
-            outer.views.extend(d.map(|c| c / length));
             steps[1][0].push(radii.get(i + 1).map_or(1e10, |next| s - next));
             steps[1][1].push(depth);
         }
@@ -315,13 +309,17 @@ fn samples(golden: &Golden) -> Samples {
         inner,
         outer,
         layout: Arc::new(layout),
+        views: RayBatch {
+            origins,
+            directions,
+        }
+        .views(),
     }
 }
 
 fn colours(field: &Field, golden: &Golden, weights: &FieldWeights, app: &Appearance) -> Tensor<2> {
-    let geometry = field.geometry(weights, samples(golden));
-    let paintable = geometry.paintable(&app.config);
-    paintable.composite(app).slice_dim(1, 0..3)
+    let values = field.evaluate(weights, samples(golden));
+    values.gbuffer(&app.config).shade(app).slice_dim(1, 0..3)
 }
 
 #[test]
@@ -333,7 +331,7 @@ fn a_render_of_the_geometry_stage_agrees() {
         inner: leaf(golden.flat("param.fg_net.", &APP)),
         outer: leaf(golden.flat("param.bg_net.", &APP)),
         canvas: None,
-        latent: weights.inner.latent.clone(),
+        latent: weights.latent.clone(),
     };
     let rgb = colours(&field, &golden, &weights, &app);
     golden.check("out.rgb", &host(rgb.clone()));
@@ -382,11 +380,9 @@ fn numbers_of_parameters_are_the_papers() {
     let trunks = [63, 84].map(|inputs| Trunk::residual(inputs, 128, 2, 64).params());
     let geo = MlpSpec::relu(&[128, 64, 1], false, Activation::Linear).params();
     let app = |predicted: bool| {
-        let config = AppearanceConfig {
-            hidden: vec![128, 128, 64],
-            ..app(predicted)
-        };
-        config.network(128, 3)
+        let mut config = app(predicted);
+        config.app.hidden = vec![128, 128, 64];
+        config.network(128)
     };
     let level = trunks.iter().sum::<usize>() + 2 * (geo + app(false).params()) + 64;
     assert_eq!(level, 340_680);

@@ -4,7 +4,8 @@
 mod common;
 
 use common::{run, small};
-use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
+use impasto_field::{EncodingConfig, HierarchicalConfig, SamplingConfig, Shading, VolumeConfig};
+use impasto_kernels::Density;
 use impasto_model::{Budget, CHECKPOINT_FILE, MODEL_FILE, Stages, Stop, TrainConfig};
 use impasto_train::{Event, Recovery, TrainError, TrainOptions, TrainSummary, Unfinished, train};
 use std::fs;
@@ -60,15 +61,17 @@ fn like_the_papers() -> TrainConfig {
         *volume = VolumeConfig {
             encoding: EncodingConfig::Frequency { bands: 4 },
             base: vec![24; 5],
-            latent: Some(8),
             geo: vec![16],
-            density: DensityActivation::Abs,
+            density: Density::Abs,
         };
     }
-    config.field.cascade = Some(CascadeConfig { first: 6, more: 8 });
-    config.photo_app.latent = Some(8);
-    config.style_app.canvas = None;
-    config.style_app.shading = Shading::Samples;
+    config.field.latent = Some(8);
+    config.field.sampling = SamplingConfig::Hierarchical(HierarchicalConfig {
+        first: 6,
+        more: 8,
+        near: 0.05,
+    });
+    config.style.shading = Shading::Samples;
     config.style.hyper_width = 16;
     config
 }

@@ -4,7 +4,8 @@
 
 mod common;
 
-use impasto_field::{CascadeConfig, DensityActivation, EncodingConfig, Shading, VolumeConfig};
+use impasto_field::{EncodingConfig, HierarchicalConfig, SamplingConfig, Shading, VolumeConfig};
+use impasto_kernels::Density;
 use impasto_kernels::device::tested;
 use impasto_model::config::StyleConfig;
 use impasto_model::{
@@ -16,21 +17,20 @@ use impasto_scene::builtin::{BuiltinOptions, write_capture};
 use impasto_scene::{Camera, LoadOptions, Scene, load, metrics};
 use impasto_style::{Perceptual, StyleVae, picture};
 use impasto_train::{
-    Event, Frozen, GeometryStage, Recovery, Refinement, StyleReport, StyleSet, StyleStage,
-    TrainOptions, TrainSummary, photo_rays, train,
+    Event, GeometryStage, Recovery, Refinement, StyleNetworks, StyleReport, StyleSet, StyleStage,
+    TrainOptions, TrainSummary, TrainedGeometry, photo_rays, refit, train,
 };
 
 fn small() -> TrainConfig {
     let mut config = common::with_grids(6, 12, 128.0);
-    config.field.sampling.inner_step = 0.03;
-    config.field.sampling.outer_steps = 32;
-    config.field.sampling.inner_grid = 24;
-    config.field.sampling.outer_grid = 24;
+    let spec = config.field.occupancy_mut().unwrap();
+    (spec.inner_step, spec.outer_steps) = (0.03, 32);
+    (spec.inner_grid, spec.outer_grid) = (24, 24);
     config.geometry.samples = 20_000;
     config.geometry.rays = [256, 1024];
     config.style.patch = [32, 40];
     config.style.least_weight = 1e-2;
-    config.style.warm_up = 10;
+    config.style.lr_warmup_steps = 10;
     config.style.rate = 1e-3;
     config
 }
@@ -42,28 +42,26 @@ fn small_paper() -> TrainConfig {
         *volume = VolumeConfig {
             encoding: EncodingConfig::Frequency { bands: 9 },
             base: vec![48; 5],
-            latent: Some(8),
             geo: vec![24],
-            density: DensityActivation::Abs,
+            density: Density::Abs,
         };
     }
-    config.field.cascade = Some(CascadeConfig {
+    config.field.latent = Some(8);
+    config.field.sampling = SamplingConfig::Hierarchical(HierarchicalConfig {
         first: 12,
         more: 16,
+        near: 0.05,
     });
     config.photo_app.hidden = vec![48, 24];
     config.photo_app.remap = true;
-    config.photo_app.latent = Some(8);
     config.geometry.network_rate = 5e-3;
     config.style_app.remap = true;
-    config.style_app.canvas = None;
-    config.style_app.shading = Shading::Samples;
     config.style = StyleConfig {
         patch: config.style.patch,
         rate: 1e-3,
-        warm_up: 10,
+        lr_warmup_steps: 10,
         rays_at_once: 256,
-        style_warmup: 5,
+        style_loss_start: 5,
         ..TrainConfig::paper().style
     };
     config
@@ -90,7 +88,7 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
         stage.step(&clock);
         clock.steps += 1;
     }
-    let (weights, grids, photo_app) = stage.snapshot();
+    let TrainedGeometry { radiance, grids } = stage.snapshot();
     ModelFile {
         config: config.clone(),
         scene: ModelScene {
@@ -101,9 +99,8 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
         },
         quality: Quality::default(),
         seed: 3,
-        weights,
+        radiance,
         grids,
-        photo_app,
         style: None,
         encoder: None,
         finished: None,
@@ -114,7 +111,7 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
 fn geometry_stage_learns_one_photo_by_heart() {
     // Two photos: the first is held out, the second is the one to learn.
     let (_dir, scene) = capture(2);
-    let model = Model::from_file(reconstruct(&scene, &small(), 150), tested());
+    let model = Model::from_file(reconstruct(&scene, &small(), 150));
     let (_, photo) = scene.train().next().unwrap();
     let view = model.render(&photo.camera, &[&model.photo_appearance()]);
     let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
@@ -139,11 +136,11 @@ fn a_model_is_refitted_to_other_pictures_of_its_views() {
             camera: photo.camera,
         });
         file.scene.photos = photos.collect();
-        let model = Model::from_file(file, tested());
+        let model = Model::from_file(file);
         // Half as large as the photos, and of one colour.
         let colour = [200, 40, 90];
         let picture = image::RgbImage::from_pixel(32, 24, image::Rgb(colour));
-        let refitted = model.refitted(vec![picture.clone(); 2], Budget::Steps(120));
+        let refitted = refit(&model, vec![picture.clone(); 2], Budget::Steps(120));
         let refitted = refitted.unwrap();
         let camera = scene.photos[1].camera;
         let off = |model: &Model| {
@@ -155,7 +152,7 @@ fn a_model_is_refitted_to_other_pictures_of_its_views() {
         let (before, after) = (off(&model), off(&refitted));
         assert!(before > 0.15 && after < 0.05, "{before} {after}");
         assert!(!refitted.has_style());
-        assert!(model.refitted(vec![picture; 1], Budget::Steps(1)).is_none());
+        assert!(refit(&model, vec![picture; 1], Budget::Steps(1)).is_none());
     }
 }
 
@@ -168,19 +165,19 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     let styles = StyleSet::of_pictures(
         &vgg,
         &[painting],
-        (config.style.patch, &config.style.pictures),
+        config.style.patch,
+        &config.style.pictures,
     )
     .unwrap();
-    let frozen = Frozen {
-        weights: file.weights,
+    let geometry = TrainedGeometry {
+        radiance: file.radiance,
         grids: file.grids,
-        photo_app: file.photo_app,
     };
     let mut stage = StyleStage::new(
         config,
-        frozen,
+        geometry,
         photo_rays(scene.train().map(|(_, p)| p)),
-        (vgg, vae),
+        StyleNetworks { vgg, vae },
         styles,
         1,
         &tested(),
@@ -202,8 +199,8 @@ fn mean(reports: &[StyleReport], get: fn(&StyleReport) -> f64) -> f64 {
 fn style_stage_learns_one_painting_by_heart() {
     let mut config = small();
     config.style.palette_share = 0.0;
-    for shading in [Shading::Samples, Shading::Surface] {
-        config.style_app.shading = shading;
+    for shading in [Shading::Samples, config.style.shading] {
+        config.style.shading = shading;
         let reports = paint_one(&config, 80);
         // The preset's loss is of distances, not of their squares.
         let style = |part: &[StyleReport]| mean(part, |r| r.style.unwrap().powi(2));
@@ -287,7 +284,7 @@ fn a_step_in_several_turns_is_the_same_step() {
 #[test]
 fn a_cascade_learns_one_photo_by_heart() {
     let (_dir, scene) = capture(2);
-    let model = Model::from_file(reconstruct(&scene, &small_paper(), 250), tested());
+    let model = Model::from_file(reconstruct(&scene, &small_paper(), 250));
     let (_, photo) = scene.train().next().unwrap();
     let view = model.render(&photo.camera, &[&model.photo_appearance()]);
     let psnr = metrics::psnr(&view.pixels[0], &picture(&photo.pixels));
@@ -368,7 +365,12 @@ fn the_same_seed_gives_the_same_field() {
     let (_dir, scene) = capture(3);
     let [one, two] = [(); 2].map(|()| {
         let file = reconstruct(&scene, &small(), 12);
-        file.weights.inner.base.try_into_vec_as::<f32>().unwrap()
+        file.radiance
+            .weights
+            .inner
+            .base
+            .try_into_vec_as::<f32>()
+            .unwrap()
     });
     assert_eq!(one, two);
 }
@@ -421,7 +423,7 @@ fn a_refined_look_is_nearer_to_its_painting() {
         let look = refined();
         let [before, after] = [&predicted, &look].map(|look| apart(&model, look, seen));
         assert!(after < 0.8 * before, "{before} {after}");
-        let pixels = |look: &Look| model.render(seen.0, &[look]).pixels;
+        let pixels = |look: &StyledAppearance| model.render(seen.0, &[look]).pixels;
         assert_eq!(pixels(&look), pixels(&refined()), "the same every time");
 
         let mut refinement = Refinement::new(&model).unwrap().unwrap();
@@ -429,7 +431,7 @@ fn a_refined_look_is_nearer_to_its_painting() {
         assert!(weightless.unwrap().is_none());
         let mut plain = ModelFile::load(&output, &tested()).unwrap();
         plain.style = None;
-        let plain = Model::from_file(plain, tested());
+        let plain = Model::from_file(plain);
         assert!(Refinement::new(&plain).unwrap().is_none());
     }
 }

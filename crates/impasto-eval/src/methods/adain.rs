@@ -14,7 +14,7 @@ use impasto_style::{Features, Perceptual, Statistics, StyleError, picture};
 use std::path::Path;
 
 const SHIPPED_FILE: &str = "adain_decoder_f16.safetensors";
-const SHIPPED: &[u8] = include_bytes!("../../../../assets/adain_decoder_f16.safetensors");
+static SHIPPED: &[u8] = include_bytes!("../../../../assets/adain_decoder_f16.safetensors");
 /// How many times smaller features are than their picture.
 const REDUCTION: usize = 8;
 

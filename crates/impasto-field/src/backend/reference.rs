@@ -3,7 +3,7 @@
 
 use crate::appearance::Appearance;
 use crate::backend::{Backend, BufferSpec};
-use crate::config::{SamplingConfig, Shading};
+use crate::config::{AppearanceConfig, SamplingConfig, Shading};
 use crate::encoding::host;
 use crate::field::{Field, FieldWeights};
 use crate::grids::OccupancyGrids;
@@ -44,6 +44,18 @@ impl FieldValues {
     /// Weight of each sample in its ray.
     pub fn weights(&self) -> Vec<f32> {
         composite::weights(&self.samples.layout, &host(self.density.clone()))
+    }
+
+    /// All samples, for appearances of a configuration that is shaded at samples; gradients flow
+    /// through.
+    pub fn gbuffer(&self, config: &AppearanceConfig) -> GBuffer {
+        GBuffer::of_samples(
+            Arc::clone(&self.samples.layout),
+            self.features.clone(),
+            self.density.clone(),
+            &self.samples.views,
+            config,
+        )
     }
 }
 
@@ -192,8 +204,7 @@ fn kept(values: &FieldValues, keep: &[bool], spec: BufferSpec<'_>) -> GBuffer {
     } = values;
     let (config, views) = (spec.config, &samples.views);
     if !keep.contains(&false) {
-        let layout = Arc::clone(&samples.layout);
-        return GBuffer::of_samples(layout, features.clone(), density.clone(), views, config);
+        return values.gbuffer(config);
     }
     let rows = |keep: &[bool]| {
         let kept = (0i32..).zip(keep).filter(|(_, keep)| **keep);

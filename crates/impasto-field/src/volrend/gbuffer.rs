@@ -242,6 +242,11 @@ impl GBuffer {
         })
     }
 
+    /// Number of samples, accumulated ones where it was made for surfaces.
+    pub fn samples(&self) -> usize {
+        self.layout.depths.len()
+    }
+
     /// Number of rays.
     pub fn rays(&self) -> usize {
         self.layout.rays.len()

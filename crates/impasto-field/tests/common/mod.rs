@@ -1,43 +1,53 @@
 //! A small field, its looks and rays.
 #![allow(dead_code, reason = "every test file takes what it needs")]
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use impasto_field::{
-    AppearanceConfig, DensityActivation, EncodingConfig, FieldConfig, RayBatch, SamplingConfig,
-    Shading, VolumeConfig,
+    AppConfig, AppearanceConfig, EncodingConfig, Field, FieldConfig, OccupancyGrids, RayBatch,
+    SamplingConfig, Shading, VolumeConfig,
 };
+use impasto_kernels::{Density, HashGridSpec, OccupancySpec};
 
 pub fn config(encoding: &EncodingConfig) -> FieldConfig {
     let volume = VolumeConfig {
         encoding: encoding.clone(),
         base: vec![16, 8],
         geo: vec![],
-        latent: None,
-        density: DensityActivation::Exp,
+        density: Density::Exp,
     };
     FieldConfig {
         inner: volume.clone(),
         outer: volume,
-        sampling: SamplingConfig {
+        latent: None,
+        sampling: SamplingConfig::Occupancy(OccupancySpec {
             samples: 40,
-            explore: 0.1,
+            uniform_fraction: 0.1,
             inner_step: 0.05,
             outer_steps: 64,
             inner_grid: 16,
             outer_grid: 64,
             near: 0.05,
-        },
-        cascade: None,
+        }),
     }
 }
 
-pub fn hash_grid() -> EncodingConfig {
-    EncodingConfig::HashGrid {
+/// Grids of one density.
+pub fn grids(field: &Field, density: f32) -> OccupancyGrids {
+    OccupancyGrids::uniform(field.config.occupancy().unwrap(), density)
+}
+
+pub fn hash_grid_spec() -> HashGridSpec {
+    HashGridSpec {
         levels: 4,
         features: 2,
         log2_entries: 10,
         coarsest: 4.0,
         finest: 32.0,
     }
+}
+
+pub fn hash_grid() -> EncodingConfig {
+    EncodingConfig::HashGrid(hash_grid_spec())
 }
 
 pub fn rays() -> RayBatch {
@@ -48,15 +58,27 @@ pub fn rays() -> RayBatch {
     rays
 }
 
+/// As photographed: shaded at samples.
 pub fn app() -> AppearanceConfig {
     AppearanceConfig {
-        hidden: vec![16],
-        layer_norm: true,
+        app: AppConfig {
+            hidden: vec![16],
+            layer_norm: true,
+            remap: false,
+            view_bands: Some(2),
+        },
         shading: Shading::Samples,
-        remap: false,
         latent: None,
-        view_bands: Some(2),
-        canvas: Some(hash_grid()),
+    }
+}
+
+/// Paint: shaded on surfaces.
+pub fn paint() -> AppearanceConfig {
+    AppearanceConfig {
+        shading: Shading::Surface {
+            canvas: Some(hash_grid_spec()),
+        },
+        ..app()
     }
 }
 

@@ -7,6 +7,7 @@
 )]
 
 use impasto_field::EncodingConfig;
+use impasto_kernels::HashGridSpec;
 use impasto_kernels::device::tested;
 use impasto_model::{Budget, Stages, TrainConfig};
 use impasto_paintings::{Recipe, paint};
@@ -18,13 +19,13 @@ use std::path::Path;
 pub fn with_grids(levels: usize, log2_entries: u32, finest: f32) -> TrainConfig {
     let mut config = TrainConfig::fast();
     for volume in [&mut config.field.inner, &mut config.field.outer] {
-        volume.encoding = EncodingConfig::HashGrid {
+        volume.encoding = EncodingConfig::HashGrid(HashGridSpec {
             levels,
             features: 4,
             log2_entries,
             coarsest: 8.0,
             finest,
-        };
+        });
     }
     config
 }
@@ -32,8 +33,8 @@ pub fn with_grids(levels: usize, log2_entries: u32, finest: f32) -> TrainConfig 
 /// Sizes that train in no time.
 pub fn small() -> TrainConfig {
     let mut config = with_grids(4, 10, 64.0);
-    config.field.sampling.inner_grid = 16;
-    config.field.sampling.outer_grid = 16;
+    let spec = config.field.occupancy_mut().unwrap();
+    (spec.inner_grid, spec.outer_grid) = (16, 16);
     config.geometry.samples = 5000;
     config.geometry.rays = [128, 512];
     config.style.patch = [32, 40];

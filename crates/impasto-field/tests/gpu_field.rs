@@ -3,21 +3,19 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use burn::tensor::{Device, Tensor};
-use impasto_field::loss::Wanted;
-use impasto_field::render::host;
-use impasto_field::resident::ResidentTraining;
+use impasto_field::gpu_training::GpuTraining;
 use impasto_field::sampling::{Samples, VolumeSamples};
+use impasto_field::training::RayTargets;
 use impasto_field::{
-    Appearance, AppearanceConfig, DensityActivation, EncodingConfig, Field, FieldConfig,
-    FieldWeights, Grids, RayBatch, SamplingConfig, Shading, VolumeConfig, prepare_rays,
-    render_rays,
+    AppConfig, Appearance, AppearanceConfig, EncodingConfig, Field, FieldConfig, FieldWeights,
+    GBuffer, GBufferOptions, OccupancyGrids, Parameters, RadianceField, RayBatch, Renderer,
+    SamplingConfig, Shading, VisibleCells, VolumeConfig, host, jitter,
 };
 use impasto_kernels::device::{is_cpu, tested};
-use impasto_kernels::gpu::{
-    DensityGrids, FieldSpec, MarchSpec, Rays, SamplesRead, Targets, descend,
-};
+use impasto_kernels::gpu::{DensityGrids, FieldSpec, Rays, SamplesRead, Targets, descend};
 use impasto_kernels::{
-    CompositeLayout, Density, DensityGrid, MlpSpec, RaySpan, Volume, VolumeSpec,
+    CompositeLayout, Density, DensityGrid, HashGridSpec, MlpSpec, OccupancySpec, RaySpan, Volume,
+    VolumeSpec,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -36,8 +34,8 @@ fn gpu() -> Option<Device> {
 
 const SIDE: usize = 12;
 
-fn grid_encoding() -> EncodingConfig {
-    EncodingConfig::HashGrid {
+fn hash_grid() -> HashGridSpec {
+    HashGridSpec {
         levels: 4,
         features: 2,
         log2_entries: 9,
@@ -46,56 +44,53 @@ fn grid_encoding() -> EncodingConfig {
     }
 }
 
+/// Where samples lie in their parts.
+const SEED: u64 = 11;
+/// A sample counts, whatever is expected of it.
+const ANY: f32 = -1.0;
+
 fn config() -> FieldConfig {
     let volume = VolumeConfig {
-        encoding: grid_encoding(),
+        encoding: EncodingConfig::HashGrid(hash_grid()),
         base: vec![16, 8],
         geo: vec![],
-        latent: None,
-        density: DensityActivation::Exp,
+        density: Density::Exp,
     };
     FieldConfig {
         inner: volume.clone(),
         outer: volume,
-        sampling: SamplingConfig {
-            samples: 24,
-            explore: 0.5,
-            inner_step: 0.05,
-            outer_steps: 32,
-            inner_grid: SIDE,
-            outer_grid: SIDE,
-            near: 0.02,
-        },
-        cascade: None,
+        latent: None,
+        sampling: SamplingConfig::Occupancy(sampling()),
     }
 }
 
-fn march_spec() -> MarchSpec {
-    let sampling = config().sampling;
-    MarchSpec {
-        samples: sampling.samples,
-        uniform_fraction: sampling.explore,
-        inner_step: sampling.inner_step,
-        outer_steps: sampling.outer_steps,
-        near: sampling.near,
-        least_weight: -1.0,
+fn sampling() -> OccupancySpec {
+    OccupancySpec {
+        samples: 24,
+        uniform_fraction: 0.5,
+        inner_step: 0.05,
+        outer_steps: 32,
+        inner_grid: SIDE,
+        outer_grid: SIDE,
+        near: 0.02,
     }
 }
 
 fn photo_app() -> AppearanceConfig {
     AppearanceConfig {
-        hidden: vec![16],
-        layer_norm: false,
-        view_bands: Some(2),
-        canvas: None,
+        app: AppConfig {
+            hidden: vec![16],
+            layer_norm: false,
+            view_bands: Some(2),
+            remap: false,
+        },
         shading: Shading::Samples,
-        remap: false,
         latent: None,
     }
 }
 
 /// Blobs in empty space.
-fn grids() -> Grids {
+fn grids() -> OccupancyGrids {
     let levels = |k: f32| {
         let level = move |cell: usize| {
             let wave = (cell as f32 * k).sin() + (cell as f32 * 0.013).cos();
@@ -103,7 +98,7 @@ fn grids() -> Grids {
         };
         DensityGrid::from_levels((0..SIDE.pow(3)).map(level).collect()).unwrap()
     };
-    Grids::new(levels(0.37), levels(0.73))
+    OccupancyGrids::new(levels(0.37), levels(0.73))
 }
 
 fn many_rays(count: usize) -> RayBatch {
@@ -119,7 +114,8 @@ fn many_rays(count: usize) -> RayBatch {
 fn resident_rays(rays: &RayBatch, surface: impl Fn(usize) -> Option<f32>) -> Rays {
     let mut resident = Rays::default();
     for i in 0..rays.len() {
-        resident.push(rays.origins[i], rays.directions[i], 0.5, surface(i));
+        let shift = jitter(Some(SEED), i);
+        resident.push(rays.origins[i], rays.directions[i], shift, surface(i));
     }
     resident
 }
@@ -131,9 +127,10 @@ fn marching_is_the_hosts() {
     let resident = DensityGrids::new([grids.inner(), grids.outer()], None, &device);
     let surface = |ray: usize| ray.is_multiple_of(3).then_some(0.25);
     let found = resident
-        .march(&resident_rays(&rays, surface), &march_spec())
+        .march(&resident_rays(&rays, surface), &sampling(), ANY)
         .read();
-    let wanted = Field::new(config()).sample(&rays, &grids, None);
+    // With a seed nothing is left out; the host lays samples where that seed says.
+    let wanted = Field::new(config()).sample(&rays, Some(&grids), Some(SEED));
     let n = wanted.len();
     assert_eq!(
         (n, found.points.len(), found.steps.len()),
@@ -211,7 +208,7 @@ fn poisoned_rays_take_no_inner_samples_there_either() {
     rays.push([0.0, 0.0, 0.0], [f32::INFINITY, 0.0, 1.0]);
     rays.push([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
     let found = resident
-        .march(&resident_rays(&rays, |_| None), &march_spec())
+        .march(&resident_rays(&rays, |_| None), &sampling(), ANY)
         .read();
     let inner: Vec<u32> = found.spans.chunks(4).map(|own| own[1] - own[0]).collect();
     assert_eq!(inner[..3], [0, 0, 0]);
@@ -225,10 +222,10 @@ fn spec() -> FieldSpec {
     let field = config();
     let grid = field.inner.encoding.hash_grid().unwrap();
     let volume = |dimensions: usize| VolumeSpec {
-        base: field.inner.trunk(dimensions).chain().clone(),
+        base: field.inner.trunk(dimensions, None).chain().clone(),
         geo: field.inner.geo_spec(),
         density: Density::Exp,
-        app: photo_app().network(8, dimensions).chain().clone(),
+        app: photo_app().network(8).chain().clone(),
     };
     FieldSpec {
         grids: [grid, grid],
@@ -281,21 +278,12 @@ fn on_host(read: &SamplesRead, rays: &RayBatch, depths: usize) -> Samples {
         depths: rows(depths),
         distances: rows(2),
     };
-    for (span, direction) in layout.rays.iter().zip(&rays.directions) {
-        let length = direction.iter().map(|c| c * c).sum::<f32>().sqrt();
-        let [inner, outer] = &mut volumes;
-        span.inner
-            .clone()
-            .for_each(|_| inner.views.extend(direction.map(|c| c / length)));
-        span.outer
-            .clone()
-            .for_each(|_| outer.views.extend(direction.map(|c| c / length)));
-    }
     let [inner, outer] = volumes;
     Samples {
         inner,
         outer,
         layout: Arc::new(layout),
+        views: rays.views(),
     }
 }
 
@@ -315,7 +303,7 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
     let (grids, rays) = (grids(), many_rays(200));
     let resident = DensityGrids::new([grids.inner(), grids.outer()], None, &device);
     let surface = |ray: usize| ray.is_multiple_of(4).then_some(0.3);
-    let samples = resident.march(&resident_rays(&rays, surface), &march_spec());
+    let samples = resident.march(&resident_rays(&rays, surface), &sampling(), ANY);
     let colours: Vec<f32> = (0..600).map(|i| (i as f32 * 0.7).sin().abs()).collect();
     let (depth, distortion) = (0.3, 0.05);
 
@@ -331,30 +319,15 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
 
     let cpu = Device::flex();
     let (own, app) = weights(3, &cpu);
-    let tracked = |tensor: &Tensor<1>| Tensor::from_inner(tensor.clone()).require_grad();
-    let branch = |w: &impasto_field::BranchWeights| impasto_field::BranchWeights {
-        encoding: tracked(&w.encoding),
-        base: tracked(&w.base),
-        geo: tracked(&w.geo),
-        latent: None,
-    };
-    let own = FieldWeights {
-        inner: branch(&own.inner),
-        outer: branch(&own.outer),
-        coarse: None,
-    };
-    let app = Appearance {
-        inner: tracked(&app.inner),
-        outer: tracked(&app.outer),
-        ..app
-    };
-    let wanted = Wanted {
+    let level = RadianceField::new(own, app);
+    let level = level.map(|_, tensor| Tensor::from_inner(tensor.clone()).require_grad());
+    let wanted = RayTargets {
         colours,
         depth,
         distortion,
     };
     let all = on_host(&samples.read(), &rays, 3);
-    let loss = Field::new(config()).loss(&own, &app, &all, wanted);
+    let loss = Field::new(config()).loss(&level, &all, wanted);
     let numbers = host(loss.clone().inner());
     let [total, error] = host(found.loss)[..] else {
         unreachable!("two numbers")
@@ -371,7 +344,7 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
     );
     assert!(difference(&numbers[2..], &host(found.densities)) < 1e-4);
     let gradients = loss.slice_dim(0, 0..1).backward();
-    for (v, (volume, found)) in volumes(&own, &app)
+    for (v, (volume, found)) in volumes(&level.weights, &level.app)
         .into_iter()
         .zip(found.gradients)
         .enumerate()
@@ -422,7 +395,7 @@ fn grids_remember_what_samples_and_random_places_saw() {
         geo: Tensor::zeros([volume.geo.params()], &device),
         app: Tensor::zeros([1], &device),
     });
-    let samples = resident.march(&resident_rays(&many_rays(300), |_| None), &march_spec());
+    let samples = resident.march(&resident_rays(&many_rays(300), |_| None), &sampling(), ANY);
     let points = samples.read();
     let densities: Tensor<1> = Tensor::ones([points.points.len() / 3], &device) * 7.0;
     for _ in 0..80 {
@@ -472,7 +445,7 @@ fn densities_that_cannot_be_measured_are_not_skipped() {
     let Some(device) = gpu() else { return };
     let grids = grids();
     let resident = DensityGrids::new([grids.inner(), grids.outer()], None, &device);
-    let samples = resident.march(&resident_rays(&many_rays(4), |_| None), &march_spec());
+    let samples = resident.march(&resident_rays(&many_rays(4), |_| None), &sampling(), ANY);
     let read = samples.read();
     let poison = vec![f32::NAN; read.points.len() / 3];
     for _ in 0..80 {
@@ -493,9 +466,10 @@ fn renders_and_patches_are_the_hosts() {
     let Some(device) = gpu() else { return };
     let (field, rays) = (Field::new(config()), many_rays(500));
     let mut settings = photo_app();
-    settings.canvas = Some(grid_encoding());
-    settings.shading = Shading::Surface;
-    settings.layer_norm = true;
+    settings.shading = Shading::Surface {
+        canvas: Some(hash_grid()),
+    };
+    settings.app.layer_norm = true;
     let all = [device, Device::flex()].map(|device| {
         let (own, photo) = weights(5, &device);
         let style = Appearance::init(
@@ -504,21 +478,20 @@ fn renders_and_patches_are_the_hosts() {
             &mut Pcg64::seed_from_u64(8),
             &device,
         );
-        let grids = grids();
-        let rendered = render_rays(&field, &own, &grids, &[&photo, &style, &style], &rays);
-        let parts = (&field, &own, &grids);
-        let prepared = prepare_rays(parts, Some(&photo), (&settings, 0.0, 200), &rays, 7);
-        let level = prepared.levels.last().unwrap();
-        assert_eq!(
-            level
-                .iter()
-                .map(impasto_field::Paintable::rays)
-                .sum::<usize>(),
-            500
-        );
-        let painted = level.iter().flat_map(|part| host(part.composite(&style)));
-        let painted: Vec<f32> = painted.collect();
-        (rendered, painted, host(prepared.colours.unwrap()))
+        let apps = [&photo.config, &settings];
+        let renderer = Renderer::open(field.clone(), own, Some(grids()), apps);
+        let rendered = renderer.render(&rays, &[&photo, &style, &style]);
+        let options = GBufferOptions {
+            config: &settings,
+            photo: Some(&photo),
+            seed: Some(7),
+            least_weight: 0.0,
+            rays_at_once: Some(200),
+        };
+        let buffers = renderer.gbuffer(&rays, &options);
+        assert_eq!(buffers.fine().iter().map(GBuffer::rays).sum::<usize>(), 500);
+        let photo = host(buffers.photo.clone().unwrap().slice_dim(1, 0..3));
+        (rendered, buffers.shade(&style), photo)
     });
     let [
         (found, painted, photo),
@@ -545,13 +518,8 @@ fn renders_and_patches_are_the_hosts() {
     let near = |(a, b): &(&f32, &f32)| (**a - **b).abs() > 0.01 * b.abs().max(0.1);
     let far = found.depth.iter().zip(&wanted.depth).filter(near).count();
     assert!(far <= 10, "{far} of 500 depths differ");
-    let colours = |rows: &[f32]| -> Vec<f32> {
-        rows.chunks(6)
-            .flat_map(|pixel| pixel[..3].to_vec())
-            .collect()
-    };
     // Seeds go through other groups of rays: the same light, not the same samples.
-    let mean = |rows: &[f32]| colours(rows).iter().sum::<f32>() / 1500.0;
+    let mean = |rows: &[f32]| rows.iter().sum::<f32>() / 1500.0;
     for (found, wanted) in [(&painted, &wanted_painted), (&photo, &wanted_photo)] {
         assert!((mean(found) - mean(wanted)).abs() < 0.01);
     }
@@ -561,19 +529,20 @@ fn renders_and_patches_are_the_hosts() {
 fn fields_that_cannot_stay_there_say_so() {
     let Some(device) = gpu() else { return };
     let field = Field::new(config());
-    let visible = field.visible(|_| true);
-    let grids = (&field.grids(1.0, Some(&visible)), &visible);
-    assert!(ResidentTraining::new(&field, &photo_app(), grids, &device).is_some());
-    assert!(ResidentTraining::new(&field, &photo_app(), grids, &Device::flex()).is_none());
-    let painted = AppearanceConfig {
-        canvas: Some(grid_encoding()),
-        ..photo_app()
+    let visible = VisibleCells::new(&sampling(), |_| true);
+    let grids = OccupancyGrids::uniform(&sampling(), 1.0).only(&visible);
+    let training = |field: &Field, app: &AppearanceConfig, device: &Device| {
+        GpuTraining::new(field, app, &grids, &visible, device).is_some()
     };
-    assert!(ResidentTraining::new(&field, &painted, grids, &device).is_none());
+    assert!(training(&field, &photo_app(), &device));
+    assert!(!training(&field, &photo_app(), &Device::flex()));
+    let mut remapped = photo_app();
+    remapped.app.remap = true;
+    assert!(!training(&field, &remapped, &device));
     let mut frequencies = config();
     frequencies.inner.encoding = EncodingConfig::Frequency { bands: 4 };
     let frequencies = Field::new(frequencies);
-    assert!(ResidentTraining::new(&frequencies, &photo_app(), grids, &device).is_none());
+    assert!(!training(&frequencies, &photo_app(), &device));
     let wide = MlpSpec::relu(&[8, 1024, 3], false, impasto_kernels::Activation::Sigmoid);
     let mut spec = spec();
     spec.volumes[0].app = wide;

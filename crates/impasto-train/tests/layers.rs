@@ -5,11 +5,12 @@ mod common;
 
 use common::{run, small};
 use image::{Rgb, RgbImage};
+use impasto_model::MaskShape;
 use impasto_model::{
     Budget, ColorPreservation, ColorStatistics, MaskSpec, Model, StyleLayer, StyleLayers,
 };
 use impasto_scene::{Camera, Split};
-use impasto_train::{Shape, TrainOptions, train};
+use impasto_train::{TrainOptions, train};
 use std::sync::LazyLock;
 
 /// One model for all tests: enough steps that surfaces stand and looks differ.
@@ -88,7 +89,7 @@ fn a_prepared_view_is_painted_as_a_whole_one_is_rendered() {
     let view = MODEL.gbuffer(&camera());
     let found = MODEL.shade(&view, &[StyleLayer::plain(look)]);
     assert!(apart(&found, &rendered.pixels[0]) < 1e-5);
-    assert_eq!(view.depth(), rendered.depth);
+    assert_eq!(view.depth, rendered.depth);
     assert!(apart(&painted(&[]), &photo()) < 1e-6);
     assert!(view.bytes() > 40 * 30 * 4 * 10);
     // In parts, as progressive pictures are.
@@ -260,11 +261,11 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
 
     let other = MODEL.file.scene.cameras(Split::Train)[1].resized(40, 30);
     let seen = MODEL.gbuffer(&other);
-    let elsewhere = share(&MODEL.shade(&seen, &coats), seen.photo());
+    let elsewhere = share(&MODEL.shade(&seen, &coats), seen.photo);
     assert!(elsewhere > 0.02, "{elsewhere}");
 
     let nowhere = MaskSpec {
-        shape: Shape::Surface {
+        shape: MaskShape::Surface {
             point: [0.0, -0.99, 0.0],
             tolerance: 0.1,
         },
