@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use impasto::paintings::{Recipe, paint};
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
+use impasto::scene::file::name_of_temporary;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use tempfile::TempDir;
@@ -84,25 +85,35 @@ fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
 enum Moment {
     /// Some time after its start.
     After(Duration),
-    /// While it writes a checkpoint, or its model.
+    /// While it writes that file of the model's folder: a checkpoint, or its model.
     Writing(&'static str),
+}
+
+/// Files of a model's folder that are being written, or were when the run was killed.
+fn half_written(model: &Path) -> Vec<String> {
+    // The run may not have made the folder yet.
+    let entries = fs::read_dir(model).into_iter().flatten();
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    names
+        .filter_map(|name| name_of_temporary(&name).map(str::to_owned))
+        .collect()
 }
 
 /// Starts the run in `folder` and kills it; whether it left a half-written file behind.
 fn killed(folder: &Path, moment: &Moment) -> bool {
     let mut child = command(folder, &format!("{RUN} --resume")).spawn().unwrap();
-    let temporary = ["checkpoint.tmp", "model.tmp"].map(|file| folder.join("model").join(file));
+    let model = folder.join("model");
     match moment {
         Moment::After(time) => std::thread::sleep(*time),
         Moment::Writing(file) => {
-            let file = folder.join("model").join(file);
-            while !file.exists() && child.try_wait().unwrap().is_none() {}
+            let writing = || half_written(&model).iter().any(|name| name == file);
+            while !writing() && child.try_wait().unwrap().is_none() {}
         }
     }
     // It may be over already.
     let _ = child.kill();
     child.wait().unwrap();
-    temporary.iter().any(|file| file.exists())
+    !half_written(&model).is_empty()
 }
 
 #[test]
@@ -121,15 +132,15 @@ fn a_run_killed_at_any_moment_is_resumed_to_the_same_model() {
     let length = start.elapsed();
 
     let mut rng = Pcg64::seed_from_u64(7);
-    let mut half_written = 0;
+    let mut interrupted_writes = 0;
     for kill in 0..kills {
         fs::remove_dir_all(&model).unwrap();
         let moment = match kill % 4 {
-            0 => Moment::Writing("checkpoint.tmp"),
-            2 if kill % 8 == 2 => Moment::Writing("model.tmp"),
+            0 => Moment::Writing("checkpoint.safetensors"),
+            2 if kill % 8 == 2 => Moment::Writing("model.safetensors"),
             _ => Moment::After(length.mul_f64(rng.random())),
         };
-        half_written += usize::from(killed(folder, &moment));
+        interrupted_writes += usize::from(killed(folder, &moment));
         let output = impasto(folder, &format!("{RUN} --resume"));
         assert!(output.status.success(), "kill {kill}: {}", told(&output));
         let found = fs::read(model.join("model.safetensors")).unwrap();
@@ -142,7 +153,7 @@ fn a_run_killed_at_any_moment_is_resumed_to_the_same_model() {
         left.retain(|entry| entry.file_name().to_string_lossy().ends_with(".tmp"));
         assert!(left.is_empty(), "kill {kill}: {left:?}");
     }
-    eprintln!("{kills} runs killed, {half_written} of them while a file was half-written");
+    eprintln!("{kills} runs killed, {interrupted_writes} of them while a file was half-written");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 #![no_main]
 
 use impasto_fuzz::check_message;
-use impasto_model::{TrainConfig};
+use impasto_model::TrainConfig;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use impasto_model::{Device, ModelFile, ModelPhoto, ModelScene, Quality, TrainConfig};
 use impasto_scene::{LoadOptions, load};
 use impasto_style::{StyleCode, StyleInput, write_f16};
-use impasto_model::{Device, ModelFile, ModelPhoto, ModelScene, Quality, TrainConfig};
-use impasto_train::{GeometryStage};
+use impasto_train::{GeometryStage, TrainedGeometry};
 use serde_json::json;
 
 use crate::scene::Target;
@@ -61,8 +61,9 @@ fn small() -> TrainConfig {
             "levels": 1, "features": 1, "log2_entries": 4, "coarsest": 1.0, "finest": 1.0,
         }});
     }
-    config["field"]["sampling"]["inner_grid"] = json!(2);
-    config["field"]["sampling"]["outer_grid"] = json!(2);
+    let sampling = &mut config["field"]["sampling"]["occupancy"];
+    sampling["inner_grid"] = json!(2);
+    sampling["outer_grid"] = json!(2);
     config["photo_app"]["hidden"] = json!([2]);
     config["photo_app"]["view_bands"] = json!(1);
     serde_json::from_value(config).expect("settings")
@@ -75,7 +76,7 @@ fn model(config: &TrainConfig, scratch: &Path) -> Vec<u8> {
     let folder = scratch.join("transforms.json");
     let scene = load(&folder, &LoadOptions::default()).expect("a capture");
     let stage = GeometryStage::new(&scene, config, 1, &Device::default());
-    let (weights, grids, photo_app) = stage.snapshot();
+    let TrainedGeometry { radiance, grids } = stage.snapshot();
     let photos = scene.photos.iter().map(|photo| ModelPhoto {
         name: photo.name.clone(),
         camera: photo.camera,
@@ -91,9 +92,8 @@ fn model(config: &TrainConfig, scratch: &Path) -> Vec<u8> {
         },
         quality: Quality::default(),
         seed: 1,
-        weights,
+        radiance,
         grids,
-        photo_app,
         style: None,
         encoder: None,
         finished: None,

@@ -330,6 +330,7 @@ fn does_not_depend_on_threads() {
 /// colour instead of the samples', so densities are taken back from the weights and every sample
 /// of a volume gets one colour. The outer transmittance (λ) is not used on the way in.
 #[test]
+#[allow(clippy::too_many_lines, reason = "one table")]
 fn reproduces_the_golden_composite() {
     const RAYS: usize = 20;
     const SAMPLES: usize = 16;

@@ -222,6 +222,7 @@ fn transforms_with(change: impl Fn(&mut Value)) -> String {
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "one table")]
 fn transforms_with_wrong_contents() {
     let set = |pointer: &'static str, value: Value| {
         transforms_with(move |json| match json.pointer_mut(pointer) {

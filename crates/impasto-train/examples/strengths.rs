@@ -50,22 +50,22 @@ impl Gallery {
     /// Mean over the views of a number of their painted and their plain statistics.
     fn mean(
         &self,
-        (look, strength): (&StyledAppearance, f32),
+        (appearance, strength): (&StyledAppearance, f32),
         number: impl Fn(&Statistics, &Statistics) -> f32,
     ) -> Answer<f32> {
-        let coat = self
-            .model
-            .layer_of(look.clone(), strength, ColorPreservation::None, None)?;
+        let layer =
+            self.model
+                .layer_of(appearance.clone(), strength, ColorPreservation::None, None)?;
         let mut sum = 0.0;
         for view in &self.views {
-            let painted = self.model.shade(view, std::slice::from_ref(&coat));
+            let painted = self.model.shade(view, std::slice::from_ref(&layer));
             let painted = self.statistics(view, &painted)?;
             sum += number(&painted, &self.statistics(view, &view.photo)?);
         }
         Ok(sum / self.views.len() as f32)
     }
 
-    fn look(&self, mix: &[(StyleEmbedding, f32)]) -> Answer<StyledAppearance> {
+    fn appearance(&self, mix: &[(StyleEmbedding, f32)]) -> Answer<StyledAppearance> {
         let mix = StyleEmbedding::mix(mix).ok_or("no weight")?;
         Ok(self.model.appearance(&mix).ok_or("no style stage")?)
     }
@@ -82,17 +82,17 @@ fn main() -> Answer<()> {
     for name in paintings {
         let painting = read_rgb(Path::new(name))?;
         let wanted = painting_statistics(&gallery.vgg, &painting, STYLE_SIDE)?;
-        let inspiration = gallery.model.embedding(&painting)?;
-        let look = gallery.look(&[(inspiration.clone(), 1.0)])?;
+        let embedding = gallery.model.embedding(&painting)?;
+        let appearance = gallery.appearance(&[(embedding.clone(), 1.0)])?;
         write!(out, "{name}:")?;
         for strength in [0.0, 0.2, 0.4, 0.6, 0.8, 1.0] {
             let gain = |painted: &Statistics, plain: &Statistics| {
                 1.0 - painted.distance(&wanted) / plain.distance(&wanted)
             };
-            write!(out, " {:.3}", gallery.mean((&look, strength), gain)?)?;
+            write!(out, " {:.3}", gallery.mean((&appearance, strength), gain)?)?;
         }
         writeln!(out)?;
-        known.push((name, wanted, inspiration));
+        known.push((name, wanted, embedding));
     }
     for pair in known.windows(2) {
         let [(one, first, a), (other, second, b)] = pair else {
@@ -100,9 +100,9 @@ fn main() -> Answer<()> {
         };
         write!(out, "{one} to {other}:")?;
         for share in [0.0, 0.5, 1.0] {
-            let look = gallery.look(&[(a.clone(), 1.0 - share), (b.clone(), share)])?;
+            let appearance = gallery.appearance(&[(a.clone(), 1.0 - share), (b.clone(), share)])?;
             let to = |wanted: &Statistics| {
-                gallery.mean((&look, 1.0), |painted, _| painted.distance(wanted))
+                gallery.mean((&appearance, 1.0), |painted, _| painted.distance(wanted))
             };
             write!(out, " ({:.3}, {:.3})", to(first)?, to(second)?)?;
         }

@@ -1,19 +1,18 @@
-//! StyleLayers of paint on a trained scene.
+//! Layers of paint on a trained scene.
 #![allow(clippy::unwrap_used, reason = "a failure here is a failed test")]
 
 mod common;
 
 use common::{run, small};
 use image::{Rgb, RgbImage};
-use impasto_model::MaskShape;
 use impasto_model::{
-    Budget, ColorPreservation, ColorStatistics, MaskSpec, Model, StyleLayer, StyleLayers,
+    Budget, ColorPreservation, ColorStatistics, MaskShape, MaskSpec, Model, StyleLayer, StyleLayers,
 };
 use impasto_scene::{Camera, Split};
 use impasto_train::{TrainOptions, train};
 use std::sync::LazyLock;
 
-/// One model for all tests: enough steps that surfaces stand and looks differ.
+/// One model for all tests: enough steps that surfaces stand and appearances differ.
 static MODEL: LazyLock<Model> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     let options = TrainOptions {
@@ -50,16 +49,16 @@ fn fire() -> RgbImage {
     painting([230, 60, 20], [250, 200, 60])
 }
 
-fn coat(painting: &RgbImage, spec: &str) -> StyleLayer {
+fn layer(painting: &RgbImage, spec: &str) -> StyleLayer {
     let json = format!(r#"{{"coats": [{{"paintings": [{{"painting": "one"}}] {spec}}}]}}"#);
-    let coats: StyleLayers = serde_json::from_str(&json).unwrap();
-    coats.check().unwrap();
-    let inspiration = MODEL.embedding(painting).unwrap();
-    MODEL.layer(&coats.coats[0], &[(inspiration, 1.0)]).unwrap()
+    let layers: StyleLayers = serde_json::from_str(&json).unwrap();
+    layers.check().unwrap();
+    let embedding = MODEL.embedding(painting).unwrap();
+    MODEL.layer(&layers.coats[0], &[(embedding, 1.0)]).unwrap()
 }
 
-fn painted(coats: &[StyleLayer]) -> Vec<f32> {
-    MODEL.shade(&MODEL.gbuffer(&camera()), coats)
+fn painted(layers: &[StyleLayer]) -> Vec<f32> {
+    MODEL.shade(&MODEL.gbuffer(&camera()), layers)
 }
 
 fn photo() -> Vec<f32> {
@@ -81,13 +80,13 @@ fn mean_apart(a: &[f32], b: &[f32]) -> f32 {
 }
 
 #[test]
-fn a_prepared_view_is_painted_as_a_whole_one_is_rendered() {
-    let look = MODEL
+fn a_gbuffer_is_painted_as_a_whole_view_is_rendered() {
+    let appearance = MODEL
         .appearance(&MODEL.embedding(&fire()).unwrap())
         .unwrap();
-    let rendered = MODEL.render(&camera(), &[&look]);
+    let rendered = MODEL.render(&camera(), &[&appearance]);
     let view = MODEL.gbuffer(&camera());
-    let found = MODEL.shade(&view, &[StyleLayer::plain(look)]);
+    let found = MODEL.shade(&view, &[StyleLayer::plain(appearance)]);
     assert!(apart(&found, &rendered.pixels[0]) < 1e-5);
     assert_eq!(view.depth, rendered.depth);
     assert!(apart(&painted(&[]), &photo()) < 1e-6);
@@ -101,15 +100,15 @@ fn a_prepared_view_is_painted_as_a_whole_one_is_rendered() {
 }
 
 #[test]
-fn coats_rendered_from_one_pass_are_those_of_a_prepared_view() {
-    let full = [coat(&fire(), "")];
-    let thin = [coat(
+fn layers_rendered_from_one_pass_are_those_of_a_gbuffer() {
+    let full = [layer(&fire(), "")];
+    let thin = [layer(
         &fire(),
         r#", "strength": 0.4, "mask": {"shape": "near"}"#,
     )];
     let two = [
-        coat(&painting([20, 40, 120], [90, 160, 220]), ""),
-        coat(
+        layer(&painting([20, 40, 120], [90, 160, 220]), ""),
+        layer(
             &fire(),
             r#", "keep": "luminance", "mask": {"shape": "far"}"#,
         ),
@@ -119,14 +118,14 @@ fn coats_rendered_from_one_pass_are_those_of_a_prepared_view() {
     for (list, pixels) in lists.iter().zip(&all.pixels) {
         assert!(apart(pixels, &painted(list)) < 1e-5);
     }
-    // Without a photo's look among them.
+    // Without the photo's appearance among them.
     let one = MODEL.render_layers(&camera(), &lists[..1], 2);
     assert_eq!((one.width, one.pixels[0].len()), (40, 40 * 30 * 3));
 }
 
 #[test]
 fn strength_goes_from_the_photo_to_the_paint() {
-    let at = |strength: f32| painted(&[coat(&fire(), &format!(r#", "strength": {strength}"#))]);
+    let at = |strength: f32| painted(&[layer(&fire(), &format!(r#", "strength": {strength}"#))]);
     let (photo, paint) = (photo(), at(1.0));
     assert!(apart(&at(0.0), &photo) < 1e-6);
     assert!(mean_apart(&photo, &paint) > 0.05);
@@ -137,14 +136,14 @@ fn strength_goes_from_the_photo_to_the_paint() {
 #[test]
 fn a_mix_lies_between_its_paintings() {
     let (one, other) = (fire(), painting([20, 40, 120], [90, 160, 220]));
-    let inspirations = [&one, &other].map(|p| MODEL.embedding(p).unwrap());
+    let embeddings = [&one, &other].map(|p| MODEL.embedding(p).unwrap());
     let json = r#"{"coats": [{"paintings": [{"painting": "a"}, {"painting": "b"}]}]}"#;
     let spec = serde_json::from_str::<StyleLayers>(json)
         .unwrap()
         .coats
         .remove(0);
     let of = |weights: [f32; 2]| {
-        let all: Vec<_> = inspirations.iter().cloned().zip(weights).collect();
+        let all: Vec<_> = embeddings.iter().cloned().zip(weights).collect();
         let pixels = painted(&[MODEL.layer(&spec, &all).unwrap()]);
         [0, 1, 2].map(|c| pixels.iter().skip(c).step_by(3).sum::<f32>() / (40.0 * 30.0))
     };
@@ -173,7 +172,7 @@ fn outside_of_a_mask_nothing_changes() {
         })
     };
     for inverted in [false, true] {
-        let found = painted(&[coat(
+        let found = painted(&[layer(
             &fire(),
             &format!(r#", "mask": {{{mask}, "inverted": {inverted}}}"#),
         )]);
@@ -209,8 +208,8 @@ fn kept_colours_are_the_scenes() {
             .map(|p| 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2])
             .collect()
     };
-    let paint = painted(&[coat(&fire(), "")]);
-    let relit = painted(&[coat(&fire(), r#", "keep": "luminance""#)]);
+    let paint = painted(&[layer(&fire(), "")]);
+    let relit = painted(&[layer(&fire(), r#", "keep": "luminance""#)]);
     assert!(apart(&lightness(&relit), &lightness(&paint)) < 1e-4);
     let far = |pixels: &[f32]| mean_apart(&chroma(pixels), &chroma(&photo));
     assert!(
@@ -220,7 +219,7 @@ fn kept_colours_are_the_scenes() {
         far(&paint)
     );
 
-    let moved = painted(&[coat(&fire(), r#", "keep": "palette""#)]);
+    let moved = painted(&[layer(&fire(), r#", "keep": "palette""#)]);
     let off = |pixels: &[f32]| {
         let mean = |pixels: &[f32], c: usize| {
             pixels.iter().skip(c).step_by(3).sum::<f32>() / (pixels.len() / 3) as f32
@@ -244,12 +243,12 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
     let view = MODEL.gbuffer(&camera());
     let point = view.point(20, 25).unwrap();
     let surface = format!(r#"{{"surface": {{"point": {point:?}, "tolerance": 0.08}}}}"#);
-    let coats = [coat(
+    let layers = [layer(
         &fire(),
         &format!(r#", "mask": {{"shape": {surface}}}"#),
     )];
     let photo = photo();
-    let found = painted(&coats);
+    let found = painted(&layers);
     let share = |found: &[f32], photo: &[f32]| {
         let pixels = found.chunks_exact(3).zip(photo.chunks_exact(3));
         pixels.filter(|(a, b)| apart(a, b) > 0.02).count() as f32 / (photo.len() / 3) as f32
@@ -261,7 +260,7 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
 
     let other = MODEL.file.scene.cameras(Split::Train)[1].resized(40, 30);
     let seen = MODEL.gbuffer(&other);
-    let elsewhere = share(&MODEL.shade(&seen, &coats), seen.photo);
+    let elsewhere = share(&MODEL.shade(&seen, &layers), &&seen.photo);
     assert!(elsewhere > 0.02, "{elsewhere}");
 
     let nowhere = MaskSpec {
@@ -271,11 +270,11 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
         },
         inverted: false,
     };
-    let look = MODEL
+    let appearance = MODEL
         .appearance(&MODEL.embedding(&fire()).unwrap())
         .unwrap();
     let error = MODEL
-        .layer_of(look, 1.0, ColorPreservation::None, Some(&nowhere))
+        .layer_of(appearance, 1.0, ColorPreservation::None, Some(&nowhere))
         .unwrap_err();
     assert!(
         error.to_string().contains("no surface at (0, -0.99, 0)"),

@@ -5,9 +5,8 @@
 mod common;
 
 use impasto_model::{MODEL_FILE, TrainConfig};
-use impasto_scene::PictureFolder;
 use impasto_style::{Perceptual, StyleVae};
-use impasto_train::{Event, StyleSet, StyleSources, train};
+use impasto_train::{Event, StyleSet, StyleSources, painting_folder, train};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -38,7 +37,7 @@ impl Place {
 
     /// The styles, and the warnings on the way.
     fn gather(&self, deadline: Option<Instant>) -> (StyleSet, Vec<String>) {
-        let folder = PictureFolder::of_paintings(&self.styles()).unwrap();
+        let folder = painting_folder(&self.styles()).unwrap();
         let cache = self.cache();
         let sources = StyleSources {
             folder: Some(&folder),

@@ -90,8 +90,8 @@ fn poses() -> Vec<DMat4> {
     let pose = |i: usize| {
         let angle = i as f64;
         let centre = DVec3::new(3.0 * angle.cos(), -1.0, 3.0 * angle.sin());
-        let z = -centre.normalize();
-        let x = z.cross(-DVec3::Y).normalize();
+        let z = -centre.normalize_or_zero();
+        let x = z.cross(-DVec3::Y).normalize_or_zero();
         let mut pose = DMat4::from_mat3(DMat3::from_cols(x, z.cross(x), z));
         pose.w_axis = centre.extend(1.0);
         pose

@@ -95,7 +95,7 @@ pub fn in_capture(camera: &Camera, normalisation: &Normalisation) -> Camera {
 }
 
 /// The file's splats as a camera in the capture's coordinates sees them, `height × width × 3`, on
-/// black. Pinhole distortion is part of the projection.
+/// black. Lens distortion is part of the projection.
 pub fn rasterise(ply: &Ply, camera: &Camera) -> Vec<f32> {
     let mut gaussians: Vec<Gaussian> = (0..ply.count)
         .filter_map(|row| gaussian(ply, row, camera))

@@ -317,9 +317,9 @@ mod tests {
             let mut hits = 0;
             for index in 0..2000 {
                 let pick = |k: i32| super::super::noise::draw(index, k) * 2.0 - 1.0;
-                let origin = Vec3::new(pick(0), pick(1), pick(2)).normalize() * 9.0;
+                let origin = Vec3::new(pick(0), pick(1), pick(2)).normalize_or_zero() * 9.0;
                 let target = solid.origin + Vec3::new(pick(3), pick(4), pick(5));
-                let direction = (target - origin).normalize();
+                let direction = (target - origin).normalize_or_zero();
                 let Some(contact) = solid.hit(origin, direction, 1e-4, 100.0) else {
                     continue;
                 };

@@ -33,8 +33,8 @@ pub fn picture(width: u32, height: u32) -> RgbImage {
 
 /// A camera at `centre` that looks at `target`; y of the world is down.
 pub fn camera(centre: DVec3, target: DVec3, size: (u32, u32)) -> Camera {
-    let z = (target - centre).normalize();
-    let x = z.cross(-DVec3::Y).normalize();
+    let z = (target - centre).normalize_or_zero();
+    let x = z.cross(-DVec3::Y).normalize_or_zero();
     let rotation = DMat3::from_cols(x, z.cross(x), z);
     Camera {
         intrinsics: Intrinsics {

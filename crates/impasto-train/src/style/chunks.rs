@@ -59,8 +59,7 @@ mod tests {
     use super::*;
     use burn::tensor::Device;
     use impasto_field::{
-        EncodingConfig, Field, GBufferOptions, OccupancyGrids, RayBatch, Renderer, SamplingConfig,
-        Shading, host,
+        EncodingConfig, Field, GBufferOptions, OccupancyGrids, RayBatch, Renderer, Shading, host,
     };
     use impasto_kernels::HashGridSpec;
     use impasto_model::TrainConfig;

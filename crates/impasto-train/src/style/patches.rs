@@ -339,7 +339,7 @@ mod tests {
     use crate::geometry::tests::sized_camera;
     use burn::tensor::Device;
     use glam::DVec3;
-    use impasto_field::{EncodingConfig, Field, OccupancyGrids, SamplingConfig, host};
+    use impasto_field::{EncodingConfig, Field, OccupancyGrids, host};
     use impasto_model::TrainConfig;
     use impasto_style::PatchStrides;
     use rand::SeedableRng;
