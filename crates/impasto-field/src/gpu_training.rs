@@ -3,7 +3,7 @@
 use crate::appearance::Appearance;
 use crate::backend::gpu::{encoded_views, field_spec, volumes};
 use crate::branch::BranchWeights;
-use crate::config::AppearanceConfig;
+use crate::config::{AppearanceConfig, Shading};
 use crate::field::{Field, FieldWeights, RadianceField};
 use crate::grids::{DENSE, OccupancyGrids, VisibleCells};
 use crate::rays::{RayBatch, contracted_distance, jitter};
@@ -40,8 +40,8 @@ impl GpuTraining {
         visible: &VisibleCells,
         device: &Device,
     ) -> Option<Self> {
-        // Gradients are of plain layers.
-        let plain = !app.app.remap && app.latent.is_none();
+        // Gradients are of plain layers, at samples.
+        let plain = !app.app.remap && app.latent.is_none() && app.shading == Shading::Samples;
         let spec = field_spec(field, app, device).filter(|_| plain)?;
         let flags = [&visible.inner[..], &visible.outer];
         Some(Self {

@@ -142,7 +142,7 @@ impl Renderer {
 
     /// Renders rays; geometry is computed once for all appearances.
     pub fn render(&self, rays: &RayBatch, appearances: &[&Appearance]) -> RenderedRays {
-        self.with_backend(Render { rays, appearances })
+        self.with_backend(&self.engine, Render { rays, appearances })
     }
 
     /// Evaluates rays for paints to come.
@@ -150,17 +150,23 @@ impl Renderer {
     /// # Panics
     /// If there are no rays.
     pub fn gbuffer(&self, rays: &RayBatch, options: &GBufferOptions<'_>) -> RayBuffers {
-        self.with_backend(Buffer { rays, options })
+        // A GPU knows how many samples a ray has, the host does not: it buffers surfaces.
+        let engine = match &self.engine {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(_) if options.config.shading == Shading::Samples => &Engine::Reference,
+            engine => engine,
+        };
+        self.with_backend(engine, Buffer { rays, options })
     }
 
-    fn with_backend<J: Job>(&self, job: J) -> J::Output {
+    fn with_backend<J: Job>(&self, engine: &Engine, job: J) -> J::Output {
         let (field, grids) = (&self.field, self.grids.as_ref());
         let reference = Reference {
             field,
             weights: &self.weights,
             grids,
         };
-        match &self.engine {
+        match engine {
             Engine::Reference => job.run(&reference),
             Engine::Cpu(weights) => match grids.and_then(|grids| Cpu::new(field, weights, grids)) {
                 Some(cpu) => job.run(&cpu),

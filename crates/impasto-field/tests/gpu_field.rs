@@ -121,6 +121,7 @@ fn resident_rays(rays: &RayBatch, surface: impl Fn(usize) -> Option<f32>) -> Ray
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "one comparison, number by number")]
 fn marching_is_the_hosts() {
     let Some(device) = gpu() else { return };
     let (grids, rays) = (grids(), many_rays(300));
@@ -364,6 +365,7 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "one story, step by step")]
 fn grids_remember_what_samples_and_random_places_saw() {
     let Some(device) = gpu() else { return };
     let grids = grids();
@@ -539,6 +541,18 @@ fn fields_that_cannot_stay_there_say_so() {
     let mut remapped = photo_app();
     remapped.app.remap = true;
     assert!(!training(&field, &remapped, &device));
+    let shifted = AppearanceConfig {
+        latent: Some(4),
+        ..photo_app()
+    };
+    assert!(!training(&field, &shifted, &device));
+    let painted = AppearanceConfig {
+        shading: Shading::Surface {
+            canvas: Some(hash_grid()),
+        },
+        ..photo_app()
+    };
+    assert!(!training(&field, &painted, &device));
     let mut frequencies = config();
     frequencies.inner.encoding = EncodingConfig::Frequency { bands: 4 };
     let frequencies = Field::new(frequencies);

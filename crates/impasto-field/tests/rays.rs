@@ -10,7 +10,7 @@ use impasto_field::training::RayTargets;
 use impasto_field::{
     Appearance, AppearanceConfig, EncodingConfig, Field, GBuffer, GBufferOptions,
     HierarchicalConfig, OccupancyGrids, Parameters, RadianceField, RayBatch, Renderer,
-    SamplingConfig, VisibleCells, contracted_distance, host,
+    SamplingConfig, Shading, VisibleCells, contracted_distance, host,
 };
 use impasto_kernels::device::tested;
 use impasto_kernels::{Density, DensityGrid};
@@ -56,21 +56,28 @@ fn a_shell_receives_its_samples_where_it_is() {
     });
     let outer = DensityGrid::from_levels(levels.collect()).unwrap();
     grids = OccupancyGrids::new(grids.inner().clone(), outer);
-    let samples = field.sample(&rays(), Some(&grids), Some(3));
-    let (cubes, _) = samples.outer.cube.as_chunks::<3>();
-    let points: Vec<[f32; 4]> = cubes.iter().map(|c| from_outer_cube(*c).unwrap()).collect();
-    for span in &samples.layout.rays {
-        assert_eq!(span.inner.len() + span.outer.len(), 40);
-        let split = samples.inner.len();
-        let radii: Vec<f32> = span.outer.clone().map(|i| points[i - split][3]).collect();
-        assert!(radii.is_sorted_by(|a, b| a > b), "near to far");
-        let within = radii.iter().filter(|s| (**s - 0.2).abs() < 0.1).count();
-        assert!(
-            within >= 32,
-            "{within} of 40 samples are where the light is"
-        );
-        let farthest = radii.last().unwrap();
-        assert!(*farthest < 0.2, "the last sample stands for everything far");
+    for seed in [None, Some(3)] {
+        let samples = field.sample(&rays(), Some(&grids), seed);
+        let (cubes, _) = samples.outer.cube.as_chunks::<3>();
+        let points: Vec<[f32; 4]> = cubes.iter().map(|c| from_outer_cube(*c).unwrap()).collect();
+        for span in &samples.layout.rays {
+            let all = span.inner.len() + span.outer.len();
+            match seed {
+                Some(_) => assert_eq!(all, 40),
+                // No light is expected inside.
+                None => assert!(span.inner.is_empty() && all <= 40),
+            }
+            let split = samples.inner.len();
+            let radii: Vec<f32> = span.outer.clone().map(|i| points[i - split][3]).collect();
+            assert!(radii.is_sorted_by(|a, b| a > b), "near to far");
+            let within = radii.iter().filter(|s| (**s - 0.2).abs() < 0.1).count();
+            assert!(
+                within >= 32,
+                "{within} of 40 samples are where the light is"
+            );
+            let farthest = radii.last().unwrap();
+            assert!(*farthest < 0.2, "the last sample stands for everything far");
+        }
     }
 }
 
@@ -78,7 +85,7 @@ fn a_shell_receives_its_samples_where_it_is() {
 fn samples_stand_for_the_whole_ray() {
     let field = Field::new(config(&hash_grid()));
     for density in [0.0, 1.0, 50.0] {
-        for seed in [Some(3), Some(4)] {
+        for seed in [None, Some(3), Some(4)] {
             let samples = field.sample(&rays(), Some(&grids(&field, density)), seed);
             let layout = &samples.layout;
             for (ray, span) in layout.rays.iter().enumerate() {
@@ -88,8 +95,13 @@ fn samples_stand_for_the_whole_ray() {
                 let far = sphere::exit(origin, direction).unwrap();
                 let near = field.config.occupancy().unwrap().near;
                 let inner = (far - near) * length;
-                if !span.inner.is_empty() {
-                    assert!((sum(span.inner.clone()) - inner).abs() < 1e-4);
+                let left_out = inner - sum(span.inner.clone());
+                // Without a seed only where light is expected: nowhere, everywhere, or in front.
+                match (seed, density > 0.0, density > 1.0) {
+                    (None, false, _) => assert!(span.inner.is_empty()),
+                    (None, true, true) => assert!(left_out > -1e-4 && left_out < inner - 0.12),
+                    _ if span.inner.is_empty() => {}
+                    _ => assert!(left_out.abs() < 1e-4),
                 }
                 // The last step is endless.
                 assert!(sum(span.outer.start..span.outer.end - 1) < 1.0);
@@ -134,15 +146,18 @@ fn empty_space_still_renders() {
     let grids = grids(&field, 0.0);
     let mut rng = Pcg64::seed_from_u64(1);
     let weights = field.init(&mut rng, &device);
-    let app = Appearance::init(paint(), field.features(), &mut rng, &device);
-    let configs = [&common::app(), &app.config];
+    let [photo, paint] = [app(), paint()]
+        .map(|config| Appearance::init(config, field.features(), &mut rng, &device));
+    let configs = [&photo.config, &paint.config];
     let renderer = Renderer::open(field, weights, Some(grids), configs);
-    let out = renderer.render(&rays(), &[&app, &app]);
-    assert_eq!(out.colours[0], out.colours[1]);
-    assert!(
-        out.colours[0].iter().all(|c| *c > 0.0 && *c < 1.0),
-        "the sky is opaque"
-    );
+    for look in [&photo, &paint] {
+        let out = renderer.render(&rays(), &[look, look]);
+        assert_eq!(out.colours[0], out.colours[1]);
+        assert!(
+            out.colours[0].iter().all(|c| *c > 0.0 && *c < 1.0),
+            "the sky is opaque"
+        );
+    }
 }
 
 #[test]
@@ -153,6 +168,8 @@ fn few_samples_carry_the_light() {
         let mut rng = Pcg64::seed_from_u64(5);
         let weights = field.init(&mut rng, &device);
         let photo = Appearance::init(app(), field.features(), &mut rng, &device);
+        let samples = field.sample(&rays(), Some(&grids(&field, 1.0)), Some(1));
+        let said = field.evaluate(&weights, samples).gbuffer(&photo.config);
         let renderer = Renderer::reference(field.clone(), weights, Some(grids(&field, 1.0)));
         let buffer = |least_weight| {
             let options = GBufferOptions {
@@ -174,6 +191,12 @@ fn few_samples_carry_the_light() {
         };
         let lost = opacity(&all) - opacity(&kept);
         assert!(lost.abs() < 0.1, "{lost} of three rays' light is lost");
+        // Of every ray the farthest sample is kept, and all light behind belongs to it.
+        assert!(opacity(&kept) > 2.99, "a ray without its farthest sample");
+        assert_eq!(all.samples(), said.samples());
+        let (all, said) = (host(all.shade(&photo)), host(said.shade(&photo)));
+        let mut pairs = all.iter().zip(&said);
+        assert!(pairs.all(|(a, b)| (a - b).abs() < 1e-5 * b.abs().max(1.0)));
     }
 }
 
@@ -210,6 +233,48 @@ fn merged_samples_let_the_same_light_through_from_the_same_depth() {
                 assert!(error < 1e-3, "{few:?} instead of {all:?}");
             }
             assert!(few[..3].iter().all(|c| *c > 0.0 && *c < 1.0));
+        }
+    }
+}
+
+#[test]
+fn merging_one_sample_a_volume_changes_nothing() {
+    let device = tested();
+    let mut sizes = config(&hash_grid());
+    sizes.occupancy_mut().unwrap().samples = 2;
+    let field = Field::new(sizes);
+    let mut rng = Pcg64::seed_from_u64(5);
+    let weights = field.init(&mut rng, &device);
+    let photo = Appearance::init(app(), field.features(), &mut rng, &device);
+    // The same layers, once a ray and volume.
+    let surface = Appearance {
+        config: AppearanceConfig {
+            shading: Shading::Surface { canvas: None },
+            ..app()
+        },
+        ..photo.clone()
+    };
+    let renderer = Renderer::reference(field.clone(), weights, Some(grids(&field, 1.0)));
+    let [apart, merged] = [&photo, &surface].map(|look| {
+        let options = GBufferOptions {
+            config: &look.config,
+            photo: None,
+            seed: Some(1),
+            least_weight: 0.0,
+            rays_at_once: None,
+        };
+        let buffer = renderer
+            .gbuffer(&rays(), &options)
+            .levels
+            .remove(0)
+            .remove(0);
+        assert!(buffer.samples() <= 2 * rays().len());
+        host(buffer.shade(look))
+    });
+    for (apart, merged) in apart.chunks_exact(6).zip(merged.chunks_exact(6)) {
+        for (a, b) in apart.iter().zip(merged) {
+            let same = (a - b).abs() < 1e-3 * a.abs().max(1.0);
+            assert!(same, "{merged:?} instead of {apart:?}");
         }
     }
 }
@@ -295,9 +360,11 @@ fn poisoned_rays_take_no_inner_samples() {
     rays.push([f32::NAN, 0.0, 0.0], [0.0, 0.0, 1.0]);
     rays.push([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]);
     rays.push([0.0, 0.0, 0.0], [f32::INFINITY, 0.0, 1.0]);
-    let samples = field.sample(&rays, Some(&grids(&field, 1.0)), None);
-    assert!(samples.inner.is_empty());
-    assert_eq!(samples.layout.rays.len(), 3);
+    for seed in [None, Some(1)] {
+        let samples = field.sample(&rays, Some(&grids(&field, 1.0)), seed);
+        assert!(samples.inner.is_empty());
+        assert_eq!(samples.layout.rays.len(), 3);
+    }
     assert!((0.0..=1.0).contains(&contracted_distance(1e9)));
 }
 

@@ -1,8 +1,10 @@
 //! Whole files, of which nothing is known but the path: read up to a limit, written all at once.
 
 use std::fs::{self, File, Metadata};
-use std::io::{self, Read, Write};
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Largest file of poses, settings or cameras, in bytes: 4 GiB, the model of some ten thousand
@@ -74,7 +76,18 @@ pub fn check_regular(path: &Path) -> io::Result<Metadata> {
 /// # Errors
 /// What the system says. The old file is then still there, and the temporary one is not.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    replace(path, bytes, |_| Ok(()))
+    write_atomic_with(path, |file| file.write_all(bytes))
+}
+
+/// [`write_atomic`] of what `write` writes, for what is too large to be held whole.
+///
+/// # Errors
+/// As [`write_atomic`].
+pub fn write_atomic_with(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    replace(path, write, |_| Ok(()))
 }
 
 /// [`write_atomic`] that reads the new file back and lets it take the old one's place only if
@@ -83,14 +96,18 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// # Errors
 /// As [`write_atomic`]; also if `right` refuses what was read back.
 pub fn write_verified(path: &Path, bytes: &[u8], right: &dyn Fn(&[u8]) -> bool) -> io::Result<()> {
-    replace(path, bytes, |temporary| {
-        if right(&fs::read(temporary)?) {
-            return Ok(());
-        }
-        Err(io::Error::other(
-            "what was written is not what can be read back; check the disk",
-        ))
-    })
+    replace(
+        path,
+        |file| file.write_all(bytes),
+        |temporary| {
+            if right(&fs::read(temporary)?) {
+                return Ok(());
+            }
+            Err(io::Error::other(
+                "what was written is not what can be read back; check the disk",
+            ))
+        },
+    )
 }
 
 /// The name that a temporary file of [`write_atomic`] or [`write_verified`] would have got; `None`
@@ -107,14 +124,16 @@ pub fn name_of_temporary(name: &str) -> Option<&str> {
 const TEMPORARY_ENDING: &str = ".impasto.tmp";
 
 /// Name under which to write a file that will be `path`: of this process and this call alone, since
-/// two writers of one file must not share it.
+/// two writers of one file must not share it. Numbers of processes may be the same on two machines
+/// that share a folder; random ones are not.
 fn temporary_path(path: &Path) -> io::Result<PathBuf> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = path.file_name().ok_or_else(|| {
         let problem = "it does not end with a file's name; give the path of a file";
         io::Error::new(io::ErrorKind::InvalidInput, problem)
     })?;
-    let (process, count) = (std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    static PROCESS: LazyLock<u64> = LazyLock::new(|| RandomState::new().build_hasher().finish());
+    let (process, count) = (*PROCESS, COUNT.fetch_add(1, Ordering::Relaxed));
     let mut temporary = std::ffi::OsString::from(".");
     temporary.push(name);
     temporary.push(format!(".{process}-{count}{TEMPORARY_ENDING}"));
@@ -124,11 +143,11 @@ fn temporary_path(path: &Path) -> io::Result<PathBuf> {
 /// Writes a file beside `path` and, if `check` of it succeeds, renames it.
 fn replace(
     path: &Path,
-    bytes: &[u8],
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
     check: impl FnOnce(&Path) -> io::Result<()>,
 ) -> io::Result<()> {
     let temporary = temporary_path(path)?;
-    let written = write_synced(&temporary, bytes)
+    let written = write_synced(&temporary, write)
         .and_then(|()| check(&temporary))
         .and_then(|()| fs::rename(&temporary, path));
     if written.is_err() {
@@ -138,10 +157,13 @@ fn replace(
     written.and_then(|()| sync_folder(path))
 }
 
-fn write_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = File::create(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
+fn write_synced(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    write(&mut file)?;
+    file.into_inner()?.sync_all()
 }
 
 /// Makes a rename last. Only Unix can open folders.

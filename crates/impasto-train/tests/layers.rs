@@ -260,7 +260,7 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
 
     let other = MODEL.file.scene.cameras(Split::Train)[1].resized(40, 30);
     let seen = MODEL.gbuffer(&other);
-    let elsewhere = share(&MODEL.shade(&seen, &layers), &&seen.photo);
+    let elsewhere = share(&MODEL.shade(&seen, &layers), &seen.photo);
     assert!(elsewhere > 0.02, "{elsewhere}");
 
     let nowhere = MaskSpec {

@@ -6,10 +6,11 @@
 use crate::hash::Hash;
 use half::f16;
 use impasto_model::ColorStatistics;
+use impasto_scene::file::write_atomic_with;
 use impasto_style::Statistics;
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Error, ErrorKind, Read, Write};
+use std::io::{BufReader, Error, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -180,22 +181,11 @@ fn replace(path: &Path, records: &[(&Key, &Arc<Measured>)]) -> Result<(), Error>
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
     }
-    // Two runs at a time must not write to one file.
-    let temporary = path.with_extension(format!("{}.tmp", std::process::id()));
-    let written = File::create(&temporary).and_then(|file| {
-        let mut file = BufWriter::with_capacity(1 << 20, file);
+    write_atomic_with(path, |file| {
         file.write_all(HEADER)?;
-        for (key, measured) in records {
-            file.write_all(&encode(key, measured))?;
-        }
-        file.into_inner()?.sync_all()?;
-        std::fs::rename(&temporary, path)
-    });
-    if written.is_err() {
-        // Best effort: the write error is what matters.
-        let _ = std::fs::remove_file(&temporary);
-    }
-    written
+        let mut records = records.iter();
+        records.try_for_each(|(key, measured)| file.write_all(&encode(key, measured)))
+    })
 }
 
 fn encode(key: &Key, measured: &Measured) -> Vec<u8> {
