@@ -30,7 +30,7 @@ pub struct ExportArgs {
     /// A painting; several are mixed by their weights (IMAGE:0.7)
     #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
     styles: Vec<StyleArg>,
-    /// StyleLayers of paint, one over the other, in place of styles: a JSON file as the studio saves it
+    /// Coats of paint, one over the other, in place of styles: a JSON file as the studio saves it
     #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "strength", "keep", "mask"])]
     coats: Option<PathBuf>,
     #[command(flatten)]

@@ -23,7 +23,7 @@ enum Raw {
         #[serde(default)]
         moving: bool,
     },
-    StyleLayers {
+    Coats {
         id: u32,
         coats: Vec<StyleLayerSpec>,
     },
@@ -88,7 +88,7 @@ impl Message {
                 camera: Camera::viewpoint(&camera_to_world, fov, check_size(size)?)?,
                 moving,
             }),
-            Raw::StyleLayers { id, coats } => Self::StyleLayers(id, Box::new(checked(coats)?)),
+            Raw::Coats { id, coats } => Self::StyleLayers(id, Box::new(checked(coats)?)),
             Raw::Ack { frame } => Self::Ack(frame),
             Raw::Pick { id, x, y } => {
                 let inside = 0.0..=1.0;
@@ -102,7 +102,7 @@ impl Message {
     }
 }
 
-/// StyleLayers that make sense and are not too many.
+/// Coats that make sense and are not too many.
 pub(crate) fn checked(coats: Vec<StyleLayerSpec>) -> Result<StyleLayers, String> {
     let coats = StyleLayers { coats };
     coats.check().map_err(|e| e.to_string())?;

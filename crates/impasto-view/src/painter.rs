@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 pub trait Painter: Send + 'static {
     /// The geometry of a view: costly to make, cheap to paint.
     type Geometry: ViewGeometry;
-    /// StyleLayers of paint, ready.
+    /// Layers of paint, ready.
     type Paint;
 
     /// What there is to see.

@@ -43,7 +43,7 @@ pub type Progress<'a> = &'a mut dyn FnMut(f64);
 /// The file that was made, or why not.
 pub type Made = Result<PathBuf, String>;
 
-/// StyleLayers with the paintings that they name.
+/// Coats with the paintings that they name.
 #[derive(Debug, Clone)]
 pub struct PaintOrder {
     /// The coats.

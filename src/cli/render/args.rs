@@ -39,7 +39,7 @@ pub struct RenderArgs {
     /// generated painting of a number
     #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
     pub styles: Vec<StyleArg>,
-    /// StyleLayers of paint, one over the other, in place of styles: a JSON file as the studio saves it
+    /// Coats of paint, one over the other, in place of styles: a JSON file as the studio saves it
     #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "strength", "keep", "mask", "refine", "interpolate"])]
     pub coats: Option<PathBuf>,
     #[command(flatten)]

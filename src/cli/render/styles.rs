@@ -31,7 +31,7 @@ pub enum PaintMode {
     /// In one look after the other.
     Mixtures(Vec<Mixture>),
     /// In coats, one over the other, each with its paintings.
-    StyleLayers(Vec<(StyleLayerSpec, Vec<RgbImage>)>),
+    Layers(Vec<(StyleLayerSpec, Vec<RgbImage>)>),
 }
 
 /// Paintings that make one look, each with its weight; none for the photos' own.
@@ -133,7 +133,7 @@ impl Styles {
             }
             read.push((coat, paintings));
         }
-        Ok(Self::new(PaintMode::StyleLayers(read), labels))
+        Ok(Self::new(PaintMode::Layers(read), labels))
     }
 
     fn new(paint: PaintMode, mut generated: Vec<String>) -> Self {
@@ -145,7 +145,7 @@ impl Styles {
     pub fn names(&self) -> Vec<String> {
         match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures.iter().map(|one| one.name.clone()).collect(),
-            PaintMode::StyleLayers(_) => vec!["coats".into()],
+            PaintMode::Layers(_) => vec!["coats".into()],
         }
     }
 
@@ -153,7 +153,7 @@ impl Styles {
     pub fn paintings(&self) -> impl Iterator<Item = &RgbImage> {
         let mixtures = match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures.as_slice(),
-            PaintMode::StyleLayers(_) => &[],
+            PaintMode::Layers(_) => &[],
         };
         let paintings = mixtures.iter().flat_map(|mixture| &mixture.paintings);
         paintings.map(|(painting, _)| painting)
@@ -174,7 +174,7 @@ impl Styles {
     ) -> Result<Vec<Vec<StyleLayer>>, CliError> {
         let mixtures = match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures,
-            PaintMode::StyleLayers(specs) => {
+            PaintMode::Layers(specs) => {
                 let specs = specs.iter();
                 let specs = specs.map(|(spec, images)| (spec, images.iter().collect()));
                 return Ok(vec![coats_of(model, specs)?]);
@@ -199,7 +199,7 @@ fn weightless() -> CliError {
     CliError::Usage("at least one --style needs a weight above 0".into())
 }
 
-/// StyleLayers, each of its paintings in order.
+/// Layers, each of its paintings in order.
 pub fn coats_of<'a>(
     model: &Model,
     specs: impl IntoIterator<Item = (&'a StyleLayerSpec, Vec<&'a RgbImage>)>,

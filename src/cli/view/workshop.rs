@@ -32,7 +32,7 @@ impl ModelWorkshop {
     }
 }
 
-/// StyleLayers of paint for a model, of an order's paintings.
+/// Coats of paint for a model, of an order's paintings.
 fn coats(model: &Model, paint: &PaintOrder) -> Result<Vec<StyleLayer>, CliError> {
     let picture = |id: &str| {
         let found = paint.paintings.iter().find(|(known, _)| known == id);

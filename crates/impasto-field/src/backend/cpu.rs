@@ -12,7 +12,7 @@ use crate::grids::OccupancyGrids;
 use crate::rays::RayBatch;
 use crate::sampling::Samples;
 use crate::sampling::occupancy::OccupancySampler;
-use crate::volrend::accumulate::{FeatureRows, accumulate};
+use crate::volrend::accumulate::{Features, accumulate};
 use crate::volrend::gbuffer::GBuffer;
 use crate::volrend::weights::{median_depth, pruned, visibility_mask};
 use burn::tensor::{Device, Tensor};
@@ -91,7 +91,7 @@ impl<'a> Cpu<'a> {
     }
 }
 
-/// FeatureRows, densities and weights of samples.
+/// Features, densities and weights of samples.
 pub(crate) struct CpuValues {
     samples: Samples,
     features: [Vec<f32>; 2],

@@ -9,7 +9,7 @@ use crate::field::{Field, FieldWeights};
 use crate::grids::OccupancyGrids;
 use crate::rays::RayBatch;
 use crate::sampling::{Samples, hierarchical};
-use crate::volrend::accumulate::{FeatureRows, accumulate};
+use crate::volrend::accumulate::{Features, accumulate};
 use crate::volrend::gbuffer::GBuffer;
 use crate::volrend::weights::{median_depth, pruned, visibility_mask};
 use burn::tensor::Tensor;
@@ -29,7 +29,7 @@ pub(crate) struct Reference<'a> {
     pub(crate) grids: Option<&'a OccupancyGrids>,
 }
 
-/// FeatureRows and densities of samples.
+/// Features and densities of samples.
 #[derive(Debug, Clone)]
 pub struct FieldValues {
     /// The samples.
@@ -60,7 +60,7 @@ impl FieldValues {
 }
 
 impl Field {
-    /// FeatureRows and densities of samples.
+    /// Features and densities of samples.
     pub fn evaluate(&self, weights: &FieldWeights, samples: Samples) -> FieldValues {
         let latent = weights.latent.as_ref();
         let positions = samples.outer.positions(4);

@@ -97,7 +97,7 @@ fn known(wanted: &str, list: &[String], all: &Formats) -> Result<(), Refusal> {
     )))
 }
 
-/// StyleLayers whose paintings there are. They are read when the job's turn comes: many may wait.
+/// Coats whose paintings there are. They are read when the job's turn comes: many may wait.
 fn paint(coats: Vec<StyleLayerSpec>, library: &PaintingLibrary) -> Result<PaintOrder, String> {
     let coats: StyleLayers = checked(coats)?;
     for spec in coats.coats.iter().flat_map(|coat| &coat.paintings) {
