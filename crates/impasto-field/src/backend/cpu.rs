@@ -12,7 +12,7 @@ use crate::grids::OccupancyGrids;
 use crate::rays::RayBatch;
 use crate::sampling::Samples;
 use crate::sampling::occupancy::OccupancySampler;
-use crate::volrend::accumulate::{Features, accumulate};
+use crate::volrend::accumulate::{FeatureRows, accumulate};
 use crate::volrend::gbuffer::GBuffer;
 use crate::volrend::weights::{median_depth, pruned, visibility_mask};
 use burn::tensor::{Device, Tensor};

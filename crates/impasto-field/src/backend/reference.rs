@@ -9,7 +9,7 @@ use crate::field::{Field, FieldWeights};
 use crate::grids::OccupancyGrids;
 use crate::rays::RayBatch;
 use crate::sampling::{Samples, hierarchical};
-use crate::volrend::accumulate::{Features, accumulate};
+use crate::volrend::accumulate::{FeatureRows, accumulate};
 use crate::volrend::gbuffer::GBuffer;
 use crate::volrend::weights::{median_depth, pruned, visibility_mask};
 use burn::tensor::Tensor;
