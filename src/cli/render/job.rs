@@ -87,7 +87,7 @@ impl KnownModel {
 pub fn distinguished(styles: &Styles) -> Value {
     let coats = match &styles.paint {
         PaintMode::Mixtures(mixtures) => return distinguished_mixtures(mixtures),
-        PaintMode::StyleLayers(coats) => coats,
+        PaintMode::Layers(coats) => coats,
     };
     let entry = |(spec, images): &(StyleLayerSpec, Vec<RgbImage>)| {
         let weights: Vec<f32> = spec.paintings.iter().map(|p| p.weight).collect();
