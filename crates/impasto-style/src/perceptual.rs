@@ -8,9 +8,8 @@ use impasto_kernels::{ConvLayer, FeatureMap, PerceptualStack, ops};
 use std::sync::Arc;
 
 pub(crate) const VGG16_FILE: &str = "vgg16_conv1_1_to_conv4_1_f16.safetensors";
-pub(crate) static MEANS_FILE: &str = "vgg16_mean_activations_f16.safetensors";
+pub(crate) const MEANS_FILE: &str = "vgg16_mean_activations_f16.safetensors";
 /// The shipped filters, see `assets/ATTRIBUTION.md`.
-// A static, so that the program holds it once.
 pub(crate) static VGG16: &[u8] =
     include_bytes!("../../../assets/vgg16_conv1_1_to_conv4_1_f16.safetensors");
 /// Mean activation of every filter, made by `examples/measure_activations.rs`.

@@ -50,8 +50,8 @@ fn list(folder: &Path) -> CommandOutput {
     let (vgg19, line) = installed(&path);
     let mut text = String::from("shipped with the program\n");
     let mut shipped = Vec::new();
-    for weights in SHIPPED {
-        shipped.push(describe(&weights));
+    for weights in &SHIPPED {
+        shipped.push(describe(weights));
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,

@@ -84,8 +84,8 @@ pub const VGG_LICENCE: &str = "CC BY 4.0";
 const OWN_SOURCE: &str = "this project";
 const OWN_LICENCE: &str = "MIT OR Apache-2.0";
 
-/// All weights that are part of the program.
-pub const SHIPPED: [Shipped; 3] = [
+/// All weights that are part of the program. A static: every use of a constant could bring a copy of them.
+pub static SHIPPED: [Shipped; 3] = [
     Shipped {
         file: perceptual::VGG16_FILE,
         what: "VGG-16, conv1_1 to conv4_1",
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn what_is_shipped_is_whole() {
-        for shipped in SHIPPED {
+        for shipped in &SHIPPED {
             assert!(shipped.is_whole(), "{}", shipped.file);
         }
         let bytes = SHIPPED[2].bytes;
