@@ -10,11 +10,11 @@ use std::sync::Arc;
 pub(crate) const VGG16_FILE: &str = "vgg16_conv1_1_to_conv4_1_f16.safetensors";
 pub(crate) const MEANS_FILE: &str = "vgg16_mean_activations_f16.safetensors";
 /// The shipped filters, see `assets/ATTRIBUTION.md`.
-pub(crate) static VGG16: &[u8] =
-    include_bytes!("../../../assets/vgg16_conv1_1_to_conv4_1_f16.safetensors");
+pub(crate) static VGG16: [u8; 5_832_976] =
+    *include_bytes!("../../../assets/vgg16_conv1_1_to_conv4_1_f16.safetensors");
 /// Mean activation of every filter, made by `examples/measure_activations.rs`.
-pub(crate) static MEANS: &[u8] =
-    include_bytes!("../../../assets/vgg16_mean_activations_f16.safetensors");
+pub(crate) static MEANS: [u8; 3_864] =
+    *include_bytes!("../../../assets/vgg16_mean_activations_f16.safetensors");
 
 /// Layer, whether a pool comes before it, whether its statistics are part of a style.
 const LAYERS: [(&str, bool, bool); 8] = [
@@ -100,8 +100,8 @@ impl Perceptual {
     /// # Errors
     /// If an asset is damaged.
     pub fn vgg16() -> Result<Self, StyleError> {
-        let means = TensorFile::open(MEANS_FILE, MEANS)?;
-        let file = TensorFile::open(VGG16_FILE, VGG16)?;
+        let means = TensorFile::open(MEANS_FILE, &MEANS)?;
+        let file = TensorFile::open(VGG16_FILE, &VGG16)?;
         let mut inputs = vec![1.0f32; 3];
         let mut layers = Vec::with_capacity(LAYERS.len());
         for (name, pool_before, statistics) in LAYERS {
@@ -130,7 +130,7 @@ impl Perceptual {
     /// # Errors
     /// If the asset is damaged.
     pub fn raw_prefixes() -> Result<Vec<(&'static str, PerceptualStack)>, StyleError> {
-        let file = TensorFile::open(VGG16_FILE, VGG16)?;
+        let file = TensorFile::open(VGG16_FILE, &VGG16)?;
         let mut inputs = 3;
         let mut all = Vec::with_capacity(LAYERS.len());
         for (name, ..) in LAYERS {

@@ -8,7 +8,8 @@ use impasto_kernels::{Activation, MlpSpec, cpu};
 use serde::{Deserialize, Serialize};
 
 /// The shipped weights, made by `impasto train-encoder`.
-pub(crate) static SHIPPED: &[u8] = include_bytes!("../../../assets/style_vae_f16.safetensors");
+pub(crate) static SHIPPED: [u8; 15_227_520] =
+    *include_bytes!("../../../assets/style_vae_f16.safetensors");
 pub(crate) const WIDTH: usize = 1024;
 
 /// z_S: a painting as the hypernetwork sees it.
@@ -115,7 +116,7 @@ impl StyleVae {
     /// # Errors
     /// If the asset is damaged.
     pub fn shipped() -> Result<Self, StyleError> {
-        Self::from_bytes("style_vae_f16.safetensors", SHIPPED)
+        Self::from_bytes("style_vae_f16.safetensors", &SHIPPED)
     }
 
     /// Reads stored weights; `name` is for messages.

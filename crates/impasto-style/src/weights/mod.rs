@@ -91,7 +91,7 @@ pub static SHIPPED: [Shipped; 3] = [
         what: "VGG-16, conv1_1 to conv4_1",
         source: VGG_SOURCE,
         licence: VGG_LICENCE,
-        bytes: perceptual::VGG16,
+        bytes: &perceptual::VGG16,
         sha256: "40f68049d829834ecffdf3f7ea332fdc40782dabcd6f4640c4a47032a4dcbe5f",
     },
     Shipped {
@@ -99,7 +99,7 @@ pub static SHIPPED: [Shipped; 3] = [
         what: "mean activations of VGG-16",
         source: OWN_SOURCE,
         licence: OWN_LICENCE,
-        bytes: perceptual::MEANS,
+        bytes: &perceptual::MEANS,
         sha256: "099486498ee190bf909a4c5d903449e3c205eff2b85541bace47244b558f2786",
     },
     Shipped {
@@ -107,7 +107,7 @@ pub static SHIPPED: [Shipped; 3] = [
         what: "style-VAE",
         source: OWN_SOURCE,
         licence: OWN_LICENCE,
-        bytes: vae::SHIPPED,
+        bytes: &vae::SHIPPED,
         sha256: "99ed2daca0a35c4854b02aef81a6cde2a2f983f78078650e35068ea05927ac12",
     },
 ];
