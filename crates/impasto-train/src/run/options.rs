@@ -35,7 +35,7 @@ pub struct TrainOptions {
     pub masks: MaskUse,
     /// Seed of everything random.
     pub seed: u64,
-    /// What the stages compute on; see [`crate::DeviceChoice`].
+    /// What the stages compute on; see [`impasto_model::DeviceChoice`].
     pub device: Device,
     /// How the run can be interrupted and go on.
     pub recovery: Recovery,
