@@ -271,7 +271,8 @@ impl Job for Render<'_> {
                     });
                     buffers[at].1.shade(appearance)
                 });
-            let colours: Vec<Tensor<2>> = colours.collect();
+            // Here, where chunks are worked on side by side.
+            let colours: Vec<Tensor<2>> = colours.map(|c| c.slice_dim(1, 0..3)).collect();
             (colours, backend.depth(&evaluated))
         });
         let mut parts: Vec<Vec<Tensor<2>>> = vec![Vec::new(); self.appearances.len()];
@@ -281,7 +282,7 @@ impl Job for Render<'_> {
             parts
                 .iter_mut()
                 .zip(colours)
-                .for_each(|(all, own)| all.push(own.slice_dim(1, 0..3)));
+                .for_each(|(all, own)| all.push(own));
         }
         let read = |parts: Vec<Tensor<2>>| match parts.is_empty() {
             true => Vec::new(),
