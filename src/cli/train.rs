@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use impasto::scene::{Format, MaskUse};
+use impasto::scene::{Format, LoadOptions, MaskUse};
 use impasto::{
     Budget, Device, Recovery, Stages, TrainConfig, TrainOptions, TrainSummary, Unfinished,
     cache_folder, train,
@@ -42,6 +42,9 @@ pub struct TrainArgs {
     /// Shrink the photos this many times
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
+    /// Use only so many of the training photos, evenly spread in order of name; held-out ones stay
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    train_photos: Option<u32>,
     /// Format of the capture, where it should not be detected: colmap, transforms, nerf++ or llff
     #[arg(long)]
     format: Option<Format>,
@@ -152,12 +155,15 @@ pub fn run(args: &TrainArgs) -> Result<CommandOutput, CliError> {
         },
         config,
         budget: args.budget.get_or(BudgetArgs::DEFAULT),
-        downscale: args.downscale,
-        format: args.format,
-        masks: match args.masks {
-            MasksArg::Ignore => MaskUse::Ignore,
-            MasksArg::Transparent => MaskUse::Transparent,
-            MasksArg::Off => MaskUse::Off,
+        load: LoadOptions {
+            downscale: args.downscale,
+            format: args.format,
+            masks: match args.masks {
+                MasksArg::Ignore => MaskUse::Ignore,
+                MasksArg::Transparent => MaskUse::Transparent,
+                MasksArg::Off => MaskUse::Off,
+            },
+            train_photos: args.train_photos,
         },
         seed: args.seed,
         recovery: Recovery {
@@ -189,9 +195,7 @@ pub fn usual_options(scene: &Path, output: &Path, device: Device) -> TrainOption
         stages: Stages::All,
         config: TrainConfig::fast(),
         budget: Budget::Time(BudgetArgs::DEFAULT),
-        downscale: 1,
-        format: None,
-        masks: MaskUse::default(),
+        load: LoadOptions::default(),
         seed: 0,
         device,
         recovery: Recovery::default(),

@@ -10,7 +10,7 @@
 //! - `volrend`: weights, accumulation, the [`GBuffer`] and its shading;
 //! - `backend`: three ways to do the same steps: reference, CPU, GPU;
 //! - [`renderer`]: the one [`Renderer`], which picks one of them when it is opened;
-//! - [`training`]: the geometry stage's loss, in one operation.
+//! - [`training`]: a field in training, its loss and gradients.
 //!
 //! Styles are unknown here except as "weights of `app`".
 
@@ -20,8 +20,6 @@ pub mod branch;
 pub mod config;
 pub mod encoding;
 pub mod field;
-#[cfg(feature = "gpu")]
-pub mod gpu_training;
 pub mod grids;
 pub mod network;
 pub mod parameters;

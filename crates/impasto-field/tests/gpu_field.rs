@@ -3,13 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use burn::tensor::{Device, Tensor};
-use impasto_field::gpu_training::GpuTraining;
 use impasto_field::sampling::{Samples, VolumeSamples};
-use impasto_field::training::RayTargets;
+use impasto_field::training::{BatchSize, FieldTraining, LossWeights};
 use impasto_field::{
     AppConfig, Appearance, AppearanceConfig, EncodingConfig, Field, FieldConfig, FieldWeights,
     GBuffer, GBufferOptions, OccupancyGrids, Parameters, RadianceField, RayBatch, Renderer,
-    SamplingConfig, Shading, VisibleCells, VolumeConfig, host, jitter,
+    SamplingConfig, Shading, VolumeConfig, host, jitter,
 };
 use impasto_kernels::device::{is_cpu, tested};
 use impasto_kernels::gpu::{DensityGrids, FieldSpec, Rays, SamplesRead, Targets, descend};
@@ -322,13 +321,12 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
     let (own, app) = weights(3, &cpu);
     let level = RadianceField::new(own, app);
     let level = level.map(|_, tensor| Tensor::from_inner(tensor.clone()).require_grad());
-    let wanted = RayTargets {
-        colours,
-        depth,
+    let wanted = LossWeights {
+        surface: depth,
         distortion,
     };
     let all = on_host(&samples.read(), &rays, 3);
-    let loss = Field::new(config()).loss(&level, &all, wanted);
+    let loss = Field::new(config()).loss(&level, &all, colours, wanted);
     let numbers = host(loss.clone().inner());
     let [total, error] = host(found.loss)[..] else {
         unreachable!("two numbers")
@@ -531,10 +529,14 @@ fn renders_and_patches_are_the_hosts() {
 fn fields_that_cannot_stay_there_say_so() {
     let Some(device) = gpu() else { return };
     let field = Field::new(config());
-    let visible = VisibleCells::new(&sampling(), |_| true);
-    let grids = OccupancyGrids::uniform(&sampling(), 1.0).only(&visible);
+    let batch = BatchSize {
+        samples: 2400,
+        rays: [10, 10_000],
+        rays_at_once: 1000,
+    };
     let training = |field: &Field, app: &AppearanceConfig, device: &Device| {
-        GpuTraining::new(field, app, &grids, &visible, device).is_some()
+        let training = FieldTraining::new(field.clone(), app, |_| true, batch, device);
+        !training.on_host()
     };
     assert!(training(&field, &photo_app(), &device));
     assert!(!training(&field, &photo_app(), &Device::flex()));

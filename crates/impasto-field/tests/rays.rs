@@ -6,7 +6,7 @@ mod common;
 use burn::tensor::Tensor;
 use common::{app, config, grids, hash_grid, many_rays, paint, rays};
 use impasto_field::sphere::{self, from_outer_cube, outer_cube, outer_point};
-use impasto_field::training::RayTargets;
+use impasto_field::training::LossWeights;
 use impasto_field::{
     Appearance, AppearanceConfig, EncodingConfig, Field, GBuffer, GBufferOptions,
     HierarchicalConfig, OccupancyGrids, Parameters, RadianceField, RayBatch, Renderer,
@@ -305,12 +305,11 @@ fn the_loss_is_that_of_the_composite() {
         let photo = Appearance::init(settings, field.features(), &mut rng, &device);
         let level = RadianceField::new(weights, photo);
         let samples = field.sample(&many_rays(), Some(&grids(&field, 1.0)), Some(1));
-        let wanted = RayTargets {
-            colours: vec![0.3; 900],
-            depth: 0.2,
+        let wanted = LossWeights {
+            surface: 0.2,
             distortion: 0.1,
         };
-        let found = host(field.loss(&level, &samples, wanted));
+        let found = host(field.loss(&level, &samples, vec![0.3; 900], wanted));
         let values = field.evaluate(&level.weights, samples);
         let out = host(values.gbuffer(&level.app.config).shade(&level.app));
         let mean = |of: fn(&[f32]) -> f32| out.chunks_exact(6).map(of).sum::<f32>() / 300.0;
@@ -477,13 +476,13 @@ fn the_gradients_of_parts_of_the_rays_add_up() {
         let mut sum = vec![0.0; base.dims()[0]];
         for start in (0..all).step_by(turn) {
             let part = start..(start + turn).min(all);
-            let wanted = RayTargets {
-                colours: vec![0.3; 3 * part.len()],
-                depth: 0.2,
+            let colours = vec![0.3; 3 * part.len()];
+            let wanted = LossWeights {
+                surface: 0.2,
                 distortion: 0.1,
             };
             let share = part.len() as f32 / all as f32;
-            let loss = field.loss(&tracked, &samples.of_rays(part), wanted);
+            let loss = field.loss(&tracked, &samples.of_rays(part), colours, wanted);
             let gradients = loss.slice_dim(0, 0..1).backward();
             let own = host(base.grad(&gradients).unwrap());
             sum.iter_mut().zip(own).for_each(|(s, g)| *s += share * g);

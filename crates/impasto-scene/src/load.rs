@@ -33,6 +33,9 @@ pub struct LoadOptions {
     pub format: Option<Format>,
     /// What becomes of pixels that a mask hides.
     pub masks: MaskUse,
+    /// Of the training photos, only so many are used, evenly spread in order of name; ≥ 1. Held-out
+    /// ones stay: what fewer photos cost can be measured on the same views.
+    pub train_photos: Option<u32>,
 }
 
 impl Default for LoadOptions {
@@ -41,6 +44,7 @@ impl Default for LoadOptions {
             downscale: 1,
             format: None,
             masks: MaskUse::default(),
+            train_photos: None,
         }
     }
 }
@@ -74,7 +78,10 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
         });
     }
     check_distinct(&capture.frames, path)?;
-    let splits = splits(&capture.frames);
+    let mut splits = splits(&capture.frames);
+    if let Some(count) = options.train_photos {
+        splits = capture.thinned(&splits, count as usize);
+    }
     let centres: Vec<DVec3> = capture.frames.iter().map(|f| f.camera.centre()).collect();
     let normalisation =
         Normalisation::of_cameras(&centres).ok_or_else(|| SceneError::OnePlace {

@@ -21,6 +21,7 @@ const WHOLE: LoadOptions = LoadOptions {
     downscale: 1,
     format: None,
     masks: MaskUse::Ignore,
+    train_photos: None,
 };
 
 /// Every photo's camera, taken back to the capture, is the one that was written.
@@ -172,6 +173,7 @@ fn downscaling_scales_cameras_points_and_pixels() {
         downscale: 7,
         format: None,
         masks: MaskUse::Ignore,
+        train_photos: None,
     };
     let scene = load(dir.path(), &options).unwrap();
     let photo = &scene.photos[0];
@@ -185,6 +187,35 @@ fn downscaling_scales_cameras_points_and_pixels() {
     );
     assert!((photo.camera.intrinsics.fl_x - 50.0 * 9.0 / 60.0).abs() < 1e-9);
     assert_points_reproject(&scene, 1e-6);
+}
+
+#[test]
+fn fewer_training_photos_leave_the_held_out_ones_and_their_points() {
+    let dir = tempfile::tempdir().unwrap();
+    write_colmap(dir.path(), &colmap_bin(&bent_ring(), &points()), 10);
+    let names = |scene: &Scene, split| -> Vec<String> {
+        let photos = scene.photos.iter().filter(|p| p.split == split);
+        photos.map(|photo| photo.name.clone()).collect()
+    };
+    let whole = load(dir.path(), &WHOLE).unwrap();
+    let (all, held_out) = (names(&whole, Split::Train), names(&whole, Split::Test));
+    assert_eq!((all.len(), held_out.len()), (8, 2));
+    for (count, kept) in [
+        (4, vec![1, 3, 5, 7]),
+        (1, vec![4]),
+        (8, (0..8).collect()),
+        (99, (0..8).collect()),
+    ] {
+        let options = LoadOptions {
+            train_photos: Some(count),
+            ..WHOLE
+        };
+        let scene = load(dir.path(), &options).unwrap();
+        let kept: Vec<String> = kept.iter().map(|i: &usize| all[*i].clone()).collect();
+        assert_eq!(names(&scene, Split::Train), kept, "{count}");
+        assert_eq!(names(&scene, Split::Test), held_out, "{count}");
+        assert_points_reproject(&scene, 1e-6);
+    }
 }
 
 fn global_lens() -> serde_json::Value {
@@ -410,6 +441,7 @@ fn the_format_can_be_forced_where_both_are_present() {
         downscale: 1,
         format: Some(Format::Transforms),
         masks: MaskUse::Ignore,
+        train_photos: None,
     };
     assert_eq!(load(dir.path(), &options).unwrap().photos.len(), 2);
 }

@@ -50,6 +50,7 @@ fn nothing_there() {
         downscale: 1,
         format: Some(Format::Colmap),
         masks: MaskUse::Ignore,
+        train_photos: None,
     };
     assert_says(
         &load(dir.path(), &forced).unwrap_err().to_string(),
@@ -59,6 +60,7 @@ fn nothing_there() {
         downscale: 0,
         format: None,
         masks: MaskUse::Ignore,
+        train_photos: None,
     };
     assert_says(
         &load(dir.path(), &none).unwrap_err().to_string(),

@@ -13,6 +13,7 @@ fn scene(name: &str) -> Option<Scene> {
         downscale: 8,
         format: None,
         masks: MaskUse::Ignore,
+        train_photos: None,
     };
     Some(load(&path, &options).unwrap_or_else(|e| panic!("{e}")))
 }

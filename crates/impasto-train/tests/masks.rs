@@ -6,7 +6,7 @@ mod common;
 
 use common::run;
 use image::{GrayImage, Luma, Rgb};
-use impasto_scene::MaskUse;
+use impasto_scene::{LoadOptions, MaskUse};
 use impasto_train::{TrainOptions, TrainSummary, train};
 use std::path::Path;
 
@@ -15,7 +15,13 @@ const PASSER_BY: [u32; 4] = [20, 10, 24, 30];
 
 /// Trains on the built-in scene with a passer-by of some colour before it, masked.
 fn with_passer_by(dir: &Path, colour: [u8; 3], masks: MaskUse) -> (TrainSummary, Vec<u8>) {
-    let options = TrainOptions { masks, ..run(dir) };
+    let options = TrainOptions {
+        load: LoadOptions {
+            masks,
+            ..LoadOptions::default()
+        },
+        ..run(dir)
+    };
     let [left, top, width, height] = PASSER_BY;
     let hidden =
         |x: u32, y: u32| (left..left + width).contains(&x) && (top..top + height).contains(&y);

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use impasto::scene::LoadOptions;
 use impasto::{Device, Recovery, Stages, TrainOptions, TrainSummary, Unfinished};
 use impasto_model::MODEL_FILE;
 
@@ -65,8 +66,11 @@ fn options(table: &TrainTable, device: Device) -> Result<TrainOptions, CliError>
         },
         config: settings::configure(&preset, table.config.as_deref(), &table.set)?,
         budget: budget.get_or(BudgetArgs::DEFAULT),
-        downscale: table.downscale,
-        format: table.format,
+        load: LoadOptions {
+            downscale: table.downscale,
+            format: table.format,
+            ..LoadOptions::default()
+        },
         seed: table.seed,
         recovery: Recovery {
             // A task that was killed and comes again goes on.

@@ -97,8 +97,11 @@ fn trained(args: &DemoArgs, device: Device) -> Result<TrainSummary, CliError> {
             ..TrainConfig::fast()
         },
         budget: args.budget.get_or(TRAINING),
-        format: Some(Format::Transforms),
-        masks: MaskUse::Off,
+        load: LoadOptions {
+            format: Some(Format::Transforms),
+            masks: MaskUse::Off,
+            ..LoadOptions::default()
+        },
         seed: args.seed,
         recovery: Recovery {
             // Minutes of a scene that anybody can have again.

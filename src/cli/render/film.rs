@@ -76,7 +76,7 @@ mod tests {
     use clap::Parser;
     use impasto::scene::builtin::{BuiltinOptions, write_capture};
     use impasto::scene::paths::CameraPath;
-    use impasto::scene::{MaskUse, Split};
+    use impasto::scene::{LoadOptions, Split};
     use impasto::{
         Budget, Device, DeviceChoice, Recovery, Stages, TrainConfig, TrainOptions, train,
     };
@@ -116,9 +116,7 @@ mod tests {
             stages: Stages::Geometry,
             config: TrainConfig::fast(),
             budget: Budget::Steps(5),
-            downscale: 1,
-            format: None,
-            masks: MaskUse::Ignore,
+            load: LoadOptions::default(),
             seed: 0,
             device: device(),
             recovery: Recovery::default(),

@@ -85,6 +85,42 @@ impl Capture {
         }
         self.frames.sort_by(|a, b| a.name.cmp(&b.name));
     }
+
+    /// Drops training frames, evenly spread, until `count` are left, and what points say of them;
+    /// the splits of what is left.
+    pub(crate) fn thinned(&mut self, splits: &[Split], count: usize) -> Vec<Split> {
+        let of_training = splits.iter().filter(|s| **s == Split::Train).count();
+        let mut number = 0;
+        let mut kept = splits.iter().map(|split| match split {
+            Split::Test => true,
+            Split::Train => {
+                number += 1;
+                // As many of the first n as n is of all, rounded down: the middle one of each part.
+                let before = |n: usize| (2 * n * count + of_training) / (2 * of_training);
+                before(number) > before(number - 1)
+            }
+        });
+        let kept: Vec<bool> = kept.by_ref().collect();
+        let places: Vec<usize> = kept
+            .iter()
+            .scan(0, |place, kept| {
+                let own = *place;
+                *place += usize::from(*kept);
+                Some(own)
+            })
+            .collect();
+        for point in &mut self.points {
+            point.seen_by.retain(|(frame, _)| kept[*frame]);
+            for (frame, _) in &mut point.seen_by {
+                *frame = places[*frame];
+            }
+        }
+        let mut flags = kept.iter();
+        self.frames
+            .retain(|_| flags.next().is_some_and(|kept| *kept));
+        let pairs = splits.iter().zip(&kept);
+        pairs.filter(|(_, kept)| **kept).map(|(s, _)| *s).collect()
+    }
 }
 
 /// The files of a folder that `wanted` accepts, in order of name.

@@ -1,6 +1,6 @@
 //! Photos as rays and target colours.
 
-use impasto_field::RayBatch;
+use impasto_field::training::TargetRays;
 use impasto_model::CameraRays;
 use impasto_scene::{Camera, Photo};
 use rand::RngExt;
@@ -62,23 +62,13 @@ pub fn photo_rays<'a>(photos: impl Iterator<Item = &'a Photo>) -> Vec<PhotoRays>
     all
 }
 
-/// A batch of rays with the colours seen along them.
-#[derive(Debug, Clone, Default)]
-pub struct TargetRays {
-    /// Rays.
-    pub rays: RayBatch,
-    /// `n × 3`.
-    pub colours: Vec<f32>,
-    /// Distance (scene units along the ray) of a known surface, for rays that have one.
-    pub distances: Vec<Option<f32>>,
-}
-
-impl TargetRays {
-    /// Adds pixel `index` of `photo`.
-    pub fn push(&mut self, photo: &PhotoRays, index: usize, distance: Option<f32>) {
-        photo.rays.push(index, &mut self.rays);
-        self.colours.extend(&photo.pixels[index * 3..index * 3 + 3]);
-        self.distances.push(distance);
+impl PhotoRays {
+    /// Adds the ray and colour of pixel `index` to `targets`.
+    fn push(&self, index: usize, distance: Option<f32>, targets: &mut TargetRays) {
+        self.rays.push(index, &mut targets.rays);
+        let colour = &self.pixels[index * 3..index * 3 + 3];
+        targets.colours.extend(colour);
+        targets.distances.push(distance);
     }
 }
 
@@ -106,17 +96,14 @@ pub fn draw(
     if !surfaces.is_empty() {
         for _ in 0..known {
             let surface = surfaces[rng.random_range(0..surfaces.len())];
-            targets.push(
-                &photos[surface.photo],
-                surface.pixel,
-                Some(surface.distance),
-            );
+            let distance = Some(surface.distance);
+            photos[surface.photo].push(surface.pixel, distance, &mut targets);
         }
     }
     for _ in 0..count {
         let photo = &photos[rng.random_range(0..photos.len())];
         let pixel = photo.used_pixel(rng.random_range(0..photo.used_count()));
-        targets.push(photo, pixel, None);
+        photo.push(pixel, None, &mut targets);
     }
     targets
 }

@@ -1,24 +1,8 @@
 //! What is known of a capture's surfaces before anything is learned.
 
-use crate::geometry::photos::{KnownSurface, TargetRays};
+use crate::geometry::photos::KnownSurface;
 use glam::{DVec3, DVec4, Vec4Swizzles};
-use impasto_field::{Samples, contracted_distance};
 use impasto_scene::{Camera, Scene};
-use std::sync::Arc;
-
-/// Replaces the samples' depths by their distance from the surface that is known on their ray, or
-/// by zero: the composite's expected depth becomes the expected distance from that surface.
-pub(crate) fn measure_from_surfaces(samples: &mut Samples, targets: &TargetRays) {
-    let layout = Arc::make_mut(&mut samples.layout);
-    layout.depths.fill(0.0);
-    for (span, distance) in layout.rays.iter().zip(&targets.distances) {
-        let Some(distance) = distance else { continue };
-        let surface = contracted_distance(*distance);
-        for i in span.inner.clone().chain(span.outer.clone()) {
-            layout.depths[i] = (layout.distances[i] - surface).abs();
-        }
-    }
-}
 
 /// Whether a point, given as `(x', y', z', 1/r)`-like homogeneous coordinates, is in any view.
 pub(crate) fn seen_by_any(cameras: &[Camera], point: [f32; 4]) -> bool {

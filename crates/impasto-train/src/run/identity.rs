@@ -42,7 +42,7 @@ pub(crate) fn identity_of(
     Ok(RunIdentity {
         stages: options.stages,
         seed: options.seed,
-        downscale: options.downscale,
+        downscale: options.load.downscale,
         config: options.config.clone(),
         encoder: encoder.map(|bytes| Hash::of_bytes(&bytes).0),
         photos: scene.photos.iter().map(photo_mark).collect(),

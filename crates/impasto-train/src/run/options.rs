@@ -3,7 +3,7 @@
 use crate::run::recovery::Recovery;
 use burn::tensor::Device;
 use impasto_model::{Budget, Stages, TrainConfig};
-use impasto_scene::{Format, MaskUse};
+use impasto_scene::LoadOptions;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -27,12 +27,8 @@ pub struct TrainOptions {
     pub config: TrainConfig,
     /// Limit on the whole run, loading and final checks included.
     pub budget: Budget,
-    /// Photos are shrunk this many times.
-    pub downscale: u32,
-    /// Overrides the detected format.
-    pub format: Option<Format>,
-    /// What becomes of pixels that a mask hides.
-    pub masks: MaskUse,
+    /// How to read the capture.
+    pub load: LoadOptions,
     /// Seed of everything random.
     pub seed: u64,
     /// What the stages compute on; see [`impasto_model::DeviceChoice`].

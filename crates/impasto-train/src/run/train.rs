@@ -12,7 +12,7 @@ use crate::run::recovery::Unfinished;
 use crate::run::stages::{Earlier, Run};
 use crate::style::read_encoder;
 use impasto_model::{MODEL_FILE, ModelFile, RunIdentity, Stages, Stopwatch};
-use impasto_scene::{LoadOptions, Scene};
+use impasto_scene::Scene;
 use impasto_style::StyleVae;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -32,12 +32,7 @@ pub fn train(
 ) -> Result<TrainSummary, TrainError> {
     let start = Instant::now();
     options.config.validate()?;
-    let load = LoadOptions {
-        downscale: options.downscale,
-        format: options.format,
-        masks: options.masks,
-    };
-    let scene = impasto_scene::load(&options.scene, &load)?;
+    let scene = impasto_scene::load(&options.scene, &options.load)?;
     check_sizes(&scene, options)?;
     let paintings = options.styles.as_deref();
     let paintings = paintings.map(painting_folder).transpose()?;

@@ -1,39 +1,30 @@
 //! A field in training on a GPU, from which nothing comes back but what is asked for.
 
+use super::step::{LossWeights, StepGradients, TargetRays};
 use crate::appearance::Appearance;
 use crate::backend::gpu::{encoded_views, field_spec, volumes};
 use crate::branch::BranchWeights;
 use crate::config::{AppearanceConfig, Shading};
 use crate::field::{Field, FieldWeights, RadianceField};
 use crate::grids::{DENSE, OccupancyGrids, VisibleCells};
-use crate::rays::{RayBatch, contracted_distance, jitter};
-use crate::training::RayTargets;
+use crate::parameters::Parameters;
+use crate::rays::{contracted_distance, jitter};
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::gpu::{self, DensityGrids, FieldSpec, Rays, Targets};
 use impasto_kernels::sampling::least_weight;
 use impasto_kernels::{OccupancySpec, Volume};
 
 /// A field in training on a GPU.
-#[derive(Debug)]
-pub struct GpuTraining {
+pub(crate) struct GpuTraining {
     spec: FieldSpec,
     grids: DensityGrids,
     sampling: OccupancySpec,
     app: AppearanceConfig,
 }
 
-/// What one step found.
-#[derive(Debug, Clone)]
-pub struct GpuDescent {
-    /// The loss and its mean squared difference of colours, `[2]`.
-    pub loss: Tensor<1>,
-    /// Gradients, in the place of parameters.
-    pub gradients: RadianceField,
-}
-
 impl GpuTraining {
     /// `None` if the field, with an `app` on its samples, cannot stay on the device.
-    pub fn new(
+    pub(crate) fn new(
         field: &Field,
         app: &AppearanceConfig,
         grids: &OccupancyGrids,
@@ -53,7 +44,7 @@ impl GpuTraining {
     }
 
     /// What [`OccupancyGrids::update`] does.
-    pub fn update_grids(&self, weights: &FieldWeights, shares: [f32; 2], seed: u32) {
+    pub(crate) fn update_grids(&self, weights: &FieldWeights, shares: [f32; 2], seed: u32) {
         // What comes before `app` does not need its weights.
         let none = &weights.inner.geo;
         let sides = [self.sampling.inner_grid, self.sampling.outer_grid];
@@ -63,20 +54,17 @@ impl GpuTraining {
             .update(&self.spec, &weights, (shares, dense), seed);
     }
 
-    /// The loss of rays, as [`Field::loss`] gives it, and its gradients; grids take note of the
-    /// densities. `surfaces` are distances of surfaces that are known on some of the rays, from
-    /// which depths are measured; directions have any length.
-    pub fn descend(
+    /// What [`super::FieldTraining::descend`] finds for a field that is one level.
+    pub(crate) fn descend(
         &self,
         level: &RadianceField,
-        rays: &RayBatch,
-        surfaces: &[Option<f32>],
-        targets: RayTargets,
+        seen: &TargetRays,
+        weights: LossWeights,
         seed: u64,
-    ) -> GpuDescent {
+    ) -> StepGradients {
         let mut uploaded = Rays::default();
-        let pairs = rays.origins.iter().zip(&rays.directions).zip(surfaces);
-        for (ray, ((origin, direction), surface)) in pairs.enumerate() {
+        let rays = seen.rays.origins.iter().zip(&seen.rays.directions);
+        for (ray, ((origin, direction), surface)) in rays.zip(&seen.distances).enumerate() {
             let surface = surface.map(contracted_distance);
             uploaded.push(*origin, *direction, jitter(Some(seed), ray), surface);
         }
@@ -84,21 +72,22 @@ impl GpuTraining {
         let samples = self.grids.march(&uploaded, &self.sampling, least);
         let targets = Targets {
             views: encoded_views(&samples.directions(), &self.app.app),
-            colours: targets.colours,
-            depth: targets.depth,
-            distortion: targets.distortion,
+            colours: seen.colours.clone(),
+            depth: weights.surface,
+            distortion: weights.distortion,
         };
         let weights = volumes(&level.weights, [&level.app.inner, &level.app.outer]);
-        let descent = gpu::descend(&self.spec, &samples, &weights, &targets);
-        self.grids.observe(&samples, &descent.densities);
-        GpuDescent {
-            loss: descent.loss,
-            gradients: gradients(&self.app, descent.gradients),
+        let found = gpu::descend(&self.spec, &samples, &weights, &targets);
+        self.grids.observe(&samples, &found.densities);
+        let gradients = gradients(&self.app, found.gradients).named().into_iter();
+        StepGradients {
+            error: found.loss.slice_dim(0, 1..2),
+            gradients: vec![gradients.map(|(_, gradient)| Some(gradient)).collect()],
         }
     }
 
     /// The grids as they are now; `None` if the device is lost.
-    pub fn grids(&self) -> Option<OccupancyGrids> {
+    pub(crate) fn grids(&self) -> Option<OccupancyGrids> {
         let [inner, outer] = self.grids.read();
         Some(OccupancyGrids::new(inner?, outer?))
     }
