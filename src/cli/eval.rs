@@ -141,13 +141,7 @@ fn write(folder: &Path, report: &EvalReport<'_>, json: &Value) -> Result<PathBuf
 
 fn summary(report: &EvalReport<'_>) -> String {
     let quality = report.reconstruction;
-    let mut text = format!(
-        "reconstruction: PSNR {:.2} dB, SSIM {:.3} over {} held-out views\n{}",
-        quality.psnr,
-        quality.ssim,
-        quality.views,
-        table(report.evaluation),
-    );
+    let mut text = format!("reconstruction: {quality}\n{}", table(report.evaluation),);
     if !report.unreadable.is_empty() {
         let count = report.unreadable.len();
         text += &format!("\n{count} files of the style folder are no readable pictures");

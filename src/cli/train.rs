@@ -217,11 +217,8 @@ pub fn describe(summary: &TrainSummary) -> String {
         ""
     };
     let mut text = format!(
-        "PSNR {:.2} dB and SSIM {:.3} on {} held-out views{kind}\n\
-         {} steps of geometry and {} of style in {}\n",
-        summary.psnr,
-        summary.ssim,
-        summary.views,
+        "{}{kind}\n{} steps of geometry and {} of style in {}\n",
+        summary.quality,
         summary.geometry_steps,
         summary.style_steps,
         clock(summary.seconds),

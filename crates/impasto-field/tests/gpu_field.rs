@@ -298,6 +298,7 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "one comparison, number by number")]
 fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
     let Some(device) = gpu() else { return };
     let (grids, rays) = (grids(), many_rays(200));
@@ -314,6 +315,7 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
         colours: colours.clone(),
         depth,
         distortion,
+        learned_from: 0.6,
     };
     let found = descend(&spec(), &samples, &volumes(&own, &app), &targets);
 
@@ -323,6 +325,7 @@ fn a_descent_has_the_loss_and_the_gradients_of_the_hosts() {
     let level = level.map(|_, tensor| Tensor::from_inner(tensor.clone()).require_grad());
     let wanted = LossWeights {
         surface: depth,
+        learned_from: 0.6,
         distortion,
     };
     let all = on_host(&samples.read(), &rays, 3);

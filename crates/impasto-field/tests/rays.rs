@@ -307,6 +307,7 @@ fn the_loss_is_that_of_the_composite() {
         let samples = field.sample(&many_rays(), Some(&grids(&field, 1.0)), Some(1));
         let wanted = LossWeights {
             surface: 0.2,
+            learned_from: 0.0,
             distortion: 0.1,
         };
         let found = host(field.loss(&level, &samples, vec![0.3; 900], wanted));
@@ -479,6 +480,7 @@ fn the_gradients_of_parts_of_the_rays_add_up() {
             let colours = vec![0.3; 3 * part.len()];
             let wanted = LossWeights {
                 surface: 0.2,
+                learned_from: 0.0,
                 distortion: 0.1,
             };
             let share = part.len() as f32 / all as f32;

@@ -17,7 +17,7 @@ pub mod ops;
 pub mod sampling;
 pub mod settings;
 
-pub use cpu::adam::AdamStep;
+pub use cpu::adam::{AdamStep, Sparse};
 pub use cpu::composite::{CompositeLayout, RaySpan};
 pub use cpu::conv_chain::{ChainTape, ConvChain, FilterGradient, Resample};
 pub use cpu::convolution::ConvLayer;

@@ -4,9 +4,9 @@ mod common;
 
 use burn::tensor::{Tensor, TensorData};
 use common::*;
-use impasto_kernels::AdamStep;
 use impasto_kernels::cpu::adam;
 use impasto_kernels::ops::AdamParam;
+use impasto_kernels::{AdamStep, Sparse};
 
 /// More than one chunk of work.
 const COUNT: usize = 40_000;
@@ -34,13 +34,19 @@ impl Textbook {
         }
     }
 
-    fn step(&mut self, grad: &[f32], rate: f64, (beta2, eps): (f64, f64), skip: fn(f32) -> bool) {
+    fn step(
+        &mut self,
+        grad: &[f32],
+        rate: f64,
+        (beta2, eps, decay): (f64, f64, f64),
+        skip: fn(f32) -> bool,
+    ) {
         self.steps += 1;
         for (i, g) in grad.iter().enumerate() {
             if skip(*g) {
                 continue;
             }
-            let g = f64::from(*g);
+            let g = f64::from(*g) + decay * self.param[i];
             self.first[i] = 0.9 * self.first[i] + 0.1 * g;
             self.second[i] = beta2 * self.second[i] + (1.0 - beta2) * g * g;
             let first = self.first[i] / (1.0 - 0.9f64.powi(self.steps));
@@ -58,8 +64,8 @@ fn equals_the_textbook() {
     for step in 0..8 {
         let grad = numbers(2 + step, COUNT, -2.0..2.0);
         let rate = 0.01 / (1.0 + step as f32);
-        ours.step(plain(&grad), rate, false);
-        textbook.step(&grad, f64::from(rate), (0.999, 1e-8), |_| false);
+        ours.step(plain(&grad), rate, None);
+        textbook.step(&grad, f64::from(rate), (0.999, 1e-8, 0.0), |_| false);
     }
     let moved = |param: &[f64]| -> Vec<f64> {
         param.iter().zip(wide(&start)).map(|(p, s)| p - s).collect()
@@ -75,8 +81,8 @@ fn a_dense_step_without_gradient_follows_its_momentum() {
     let mut ours = AdamParam::new(plain(&[1.0, 2.0]));
     let mut textbook = Textbook::new(&[1.0, 2.0]);
     for grad in [[1.0, 0.0], [0.0, 0.0]] {
-        ours.step(plain(&grad), 0.1, false);
-        textbook.step(&grad, 0.1, (0.999, 1e-8), |_| false);
+        ours.step(plain(&grad), 0.1, None);
+        textbook.step(&grad, 0.1, (0.999, 1e-8, 0.0), |_| false);
     }
     let ours = values(ours.value());
     assert_close("parameters", &ours, &textbook.param, 1e-6);
@@ -98,8 +104,8 @@ fn sparse_steps_leave_entries_without_gradient_untouched() {
                 *g = 0.0;
             }
         }
-        ours.step(plain(&grad), 0.01, true);
-        textbook.step(&grad, 0.01, (0.99, 1e-15), |g| g == 0.0);
+        ours.step(plain(&grad), 0.01, Some(Sparse { decay: 0.2 }));
+        textbook.step(&grad, 0.01, (0.99, 1e-15, 0.2), |g| g == 0.0);
     }
     let ours = values(ours.value());
     assert_close("parameters", &ours, &textbook.param, 1e-6);
@@ -110,8 +116,10 @@ fn sparse_steps_leave_entries_without_gradient_untouched() {
 
 #[test]
 fn gradients_that_are_not_finite_leave_their_entry_untouched() {
-    for sparse in [false, true] {
-        let constants = if sparse { (0.99, 1e-15) } else { (0.999, 1e-8) };
+    for sparse in [None, Some(Sparse { decay: 0.1 })] {
+        let constants = sparse.map_or((0.999, 1e-8, 0.0), |sparse| {
+            (0.99, 1e-15, sparse.decay.into())
+        });
         let start = numbers(4, 5, -1.0..1.0);
         let mut ours = AdamParam::new(plain(&start));
         let mut textbook = Textbook::new(&start);
@@ -138,7 +146,7 @@ fn values_handed_out_earlier_do_not_change() {
     let start = numbers(5, 100, -1.0..1.0);
     let mut param = AdamParam::new(plain(&start));
     let (value, tracked, copy) = (param.value(), param.tracked(), param.clone());
-    param.step(plain(&[1.0; 100]), 0.1, false);
+    param.step(plain(&[1.0; 100]), 0.1, None);
     for (what, earlier) in [("value", value), ("copy", copy.value())] {
         assert_same(what, &values(earlier), &start);
     }
@@ -159,7 +167,7 @@ fn starts_from_a_view_of_a_larger_tensor() {
         let mut view = AdamParam::new(whole.clone().slice(part.clone()));
         let mut own = AdamParam::new(plain(&all[part]));
         for param in [&mut view, &mut own] {
-            param.step(plain(&[0.3, -0.2, 0.1, 0.7]), 0.1, false);
+            param.step(plain(&[0.3, -0.2, 0.1, 0.7]), 0.1, None);
         }
         assert_same("a view", &values(view.value()), &values(own.value()));
         assert_same("the tensor behind it", &values(whole), &all);
@@ -174,7 +182,7 @@ fn finds_a_minimum() {
         let x = param.tracked();
         let miss = x.clone() - tensor(&target, [50]);
         let grads = (miss.clone() * miss).sum().backward();
-        param.step(x.grad(&grads).expect("a gradient"), 0.03, false);
+        param.step(x.grad(&grads).expect("a gradient"), 0.03, None);
     }
     assert_close("the minimum", &values(param.value()), &wide(&target), 1e-3);
 }
@@ -188,7 +196,7 @@ fn does_not_depend_on_threads() {
         beta2: 0.99,
         eps: 1e-8,
         step: 1,
-        sparse: false,
+        sparse: None,
     };
     assert_deterministic("a step", || {
         let (mut first, mut second) = (vec![0.0; COUNT], vec![0.0; COUNT]);

@@ -49,6 +49,7 @@ fn spec(rays: usize, density: Density, view: usize) -> RadianceSpec {
         targets: numbers(4, rays * 3, 0.0..1.0),
         depth: 0.3,
         distortion: 0.2,
+        learned_from: 0.0,
     }
 }
 
@@ -275,6 +276,39 @@ fn gradients_of_many_rays_are_those_of_each() {
             }
         }
     }
+}
+
+#[test]
+fn samples_near_the_camera_learn_less() {
+    // Layers are linear on the way back: a sample's share is that of its encoding's gradient.
+    let mut near = spec(40, Density::Exp, 3);
+    let volumes = inputs(&near, 7);
+    let whole = radiance::loss(&near, &slices(&volumes));
+    near.learned_from = 0.7;
+    let found = radiance::loss(&near, &slices(&volumes));
+    assert_same(
+        "loss",
+        &[found.loss, found.error],
+        &[whole.loss, whole.error],
+    );
+    let split = volumes[0].encoded.len() / WIDTH;
+    let mut shares = [0, 0];
+    for v in 0..2 {
+        let rows = found.grads[v].encoded.chunks(WIDTH);
+        for (i, (row, all)) in rows.zip(whole.grads[v].encoded.chunks(WIDTH)).enumerate() {
+            let s = f64::from(near.layout.distances[i + v * split]);
+            let distance = s / (1.0 - s);
+            let share = (distance / 0.7).powi(2).min(1.0);
+            shares[usize::from(share < 1.0)] += 1;
+            let wanted: Vec<f64> = all.iter().map(|g| f64::from(*g) * share).collect();
+            if wanted.iter().any(|g| *g != 0.0) {
+                assert_close(&format!("volume {v}, sample {i}"), row, &wanted, 1e-4);
+            } else {
+                assert!(row.iter().all(|g| *g == 0.0));
+            }
+        }
+    }
+    assert!(shares.iter().all(|count| *count > 20), "{shares:?}");
 }
 
 #[test]

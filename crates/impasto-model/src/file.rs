@@ -13,6 +13,7 @@ use impasto_style::{StyleError, StyleVae};
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
 /// Name of the file that a run in training keeps beside the model.
@@ -22,7 +23,7 @@ pub const MODEL_FILE: &str = "model.safetensors";
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// One photo that a model was made from; the pixels are not kept.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -58,7 +59,7 @@ impl ModelScene {
 }
 
 /// Quality measured at the end of training.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Mean PSNR of held-out views, dB.
     pub psnr: f64,
@@ -66,6 +67,60 @@ pub struct Quality {
     pub ssim: f64,
     /// Held-out views.
     pub views: usize,
+    /// Mean PSNR of held-out views after the affine change of colours that fits each best, dB: what
+    /// exposure and white balance of a photo that nobody learned from say nothing about.
+    #[serde(default)]
+    pub fitted_psnr: f64,
+    /// Mean PSNR of held-out views after their poses were refined on them as those of training photos
+    /// were, where any was, dB: poses that are a little off are off for both.
+    #[serde(default)]
+    pub aligned_psnr: Option<f64>,
+    /// How restless renders are, where there are viewpoints between photos.
+    #[serde(default)]
+    pub grain: Option<Grain>,
+}
+
+impl Display for Quality {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self {
+            psnr,
+            ssim,
+            views,
+            fitted_psnr,
+            aligned_psnr,
+            grain,
+        } = self;
+        write!(
+            f,
+            "PSNR {psnr:.2} dB ({fitted_psnr:.2} after an affine fit of colours) and SSIM {ssim:.3} on \
+             {views} held-out views"
+        )?;
+        if let Some(aligned) = aligned_psnr {
+            write!(
+                f,
+                "\nPSNR {aligned:.2} dB once their poses were refined, as those of training photos were"
+            )?;
+        }
+        let Some(grain) = grain else { return Ok(()) };
+        write!(
+            f,
+            "\nbetween photos {:.2} × their grain, {:.2} × in depth; single wrong pixels {:.2} × theirs",
+            grain.colour, grain.depth, grain.wrong_pixels
+        )
+    }
+}
+
+/// How restless renders are beside the photos they were learned from; 1 is as restless.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Grain {
+    /// Energy of second differences of renders between photos, over that of training photos.
+    pub colour: f64,
+    /// Energy of second differences of the depth of renders between photos, contracted to
+    /// `d / (1 + d)`, over that at the photos nearby.
+    pub depth: f64,
+    /// Pixels of renders between photos and at held-out ones that differ by more than 0.2 from the
+    /// median of their neighbourhood, over those of the training photos.
+    pub wrong_pixels: f64,
 }
 
 #[derive(Serialize, Deserialize)]

@@ -30,7 +30,7 @@ pub use color::{ColorStatistics, ColorTransfer};
 pub use config::{STYLE_SIDE, TrainConfig};
 pub use embedding::{StyleEmbedding, painting_statistics, square_statistics};
 pub use error::ModelError;
-pub use file::{CHECKPOINT_FILE, MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
+pub use file::{CHECKPOINT_FILE, Grain, MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 pub use hypernetworks::{StyleModel, hypernetworks};
 pub use impasto_field::encoding::LOST;
 pub use impasto_kernels::device::{DeviceChoice, NoDevice, Opened, is_cpu};

@@ -2,7 +2,7 @@
 //!
 //! Camera space is right-handed with x right, y down and z forward (OpenCV, COLMAP).
 
-use glam::{DMat3, DMat4, DVec2, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// OpenCV's first four lens coefficients; all zero means an ideal pinhole.
@@ -212,6 +212,16 @@ impl Camera {
         let p = k.distortion.apply(local.truncate() / local.z);
         let pixel = DVec2::new(p.x * k.fl_x + k.cx, p.y * k.fl_y + k.cy);
         Some((pixel, local.z))
+    }
+
+    /// The camera turned about its centre by a rotation vector (radians), then shifted, both along
+    /// its own axes: right, down, forward.
+    pub fn moved(&self, turn: DVec3, shift: DVec3) -> Self {
+        let motion = DMat4::from_rotation_translation(DQuat::from_scaled_axis(turn), shift);
+        Self {
+            camera_to_world: self.camera_to_world * motion,
+            ..*self
+        }
     }
 
     /// The same view on another pixel grid.

@@ -8,6 +8,7 @@
 pub mod builtin;
 mod camera;
 mod codec;
+mod colors;
 mod detect;
 mod error;
 pub mod file;
@@ -30,6 +31,7 @@ mod statistics;
 mod viewpoint;
 
 pub use camera::{Camera, Distortion, Intrinsics, Ray};
+pub use colors::{AffineColors, ColorPairs};
 pub use detect::detect;
 pub use error::SceneError;
 pub use format::Format;

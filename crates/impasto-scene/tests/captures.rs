@@ -201,8 +201,8 @@ fn fewer_training_photos_leave_the_held_out_ones_and_their_points() {
     let (all, held_out) = (names(&whole, Split::Train), names(&whole, Split::Test));
     assert_eq!((all.len(), held_out.len()), (8, 2));
     for (count, kept) in [
-        (4, vec![1, 3, 5, 7]),
-        (1, vec![4]),
+        (4, vec![0, 2, 4, 6]),
+        (1, vec![3]),
         (8, (0..8).collect()),
         (99, (0..8).collect()),
     ] {

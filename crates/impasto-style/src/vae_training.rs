@@ -63,7 +63,7 @@ pub fn train_vae(
         let grads = leaves.map(|leaf| leaf.grad_remove(&mut gradients));
         for (param, grad) in params.iter_mut().zip(grads) {
             if let Some(grad) = grad {
-                param.step(grad, rate, false);
+                param.step(grad, rate, None);
             }
         }
         report(step, error);

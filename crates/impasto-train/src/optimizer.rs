@@ -2,6 +2,7 @@
 
 use burn::tensor::{Gradients, Tensor};
 use impasto_field::Parameters;
+use impasto_kernels::Sparse;
 use impasto_kernels::ops::AdamParam;
 use impasto_model::tensors::{Entry, TensorReader};
 
@@ -9,8 +10,8 @@ use impasto_model::tensors::{Entry, TensorReader};
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rate {
     pub(crate) rate: f32,
-    /// Whether it is a table of which a step touches little: its moments forget sooner.
-    pub(crate) sparse: bool,
+    /// For tables of which a step touches little: their moments forget sooner.
+    pub(crate) sparse: Option<Sparse>,
 }
 
 /// A set of parameters in training.

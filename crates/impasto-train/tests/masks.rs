@@ -58,8 +58,8 @@ fn models_do_not_depend_on_what_is_hidden() {
     // Quality, photo look and styles are all in the file.
     assert!(model == other_model, "a hidden colour is in the model");
     assert_eq!(
-        (summary.psnr, summary.ssim),
-        (other_summary.psnr, other_summary.ssim)
+        (summary.quality.psnr, summary.quality.ssim),
+        (other_summary.quality.psnr, other_summary.quality.ssim)
     );
     let (_, seen) = trained(green, MaskUse::Off);
     assert!(seen != model, "masks change nothing");

@@ -103,9 +103,14 @@ fn a_run_stopped_after_each_step_makes_the_same_model() {
         assert!(interruptions >= 11, "{interruptions}");
         assert!(model(&options) == wanted, "another model");
         assert_eq!(
-            (end.psnr, end.geometry_steps, end.style_steps, end.paintings),
             (
-                whole.psnr,
+                end.quality.psnr,
+                end.geometry_steps,
+                end.style_steps,
+                end.paintings
+            ),
+            (
+                whole.quality.psnr,
                 whole.geometry_steps,
                 whole.style_steps,
                 whole.paintings
@@ -125,8 +130,8 @@ fn a_finished_run_is_not_repeated() {
     let again = train(&resumed(&options), &mut |_| events += 1).unwrap();
     assert!(again.finished_before && !first.finished_before);
     assert_eq!(
-        (events, again.psnr, again.style_steps),
-        (0, first.psnr, first.style_steps)
+        (events, again.quality.psnr, again.style_steps),
+        (0, first.quality.psnr, first.style_steps)
     );
     assert!(model(&options) == wanted);
 

@@ -331,8 +331,8 @@ fn write_and_read(config: TrainConfig) {
             stages.push(*psnr);
         }
     });
-    assert_eq!(stages, [summary.psnr]);
-    assert!(summary.synthetic && summary.psnr.is_finite());
+    assert_eq!(stages, [summary.quality.psnr]);
+    assert!(summary.synthetic && summary.quality.psnr.is_finite());
     let [one, two] = [(); 2].map(|()| Model::load(&output).unwrap());
     let camera = &scene.photos[0].camera;
     let painting = paint(&Recipe::nth_of(Family::ALL[2], 3), 64, 64);

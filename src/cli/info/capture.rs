@@ -98,6 +98,7 @@ impl CaptureInfo {
             "normalisation": to_json(&self.scene.normalisation),
             "lenses": to_json(&self.found.lenses),
             "cameras": to_json(&self.found.cameras),
+            "coverage": to_json(&self.found.coverage),
             "problems": to_json(&self.found.problems),
             "warnings": to_json(&self.warnings),
             "per_photo": to_json(&self.found.per_photo),

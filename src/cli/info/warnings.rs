@@ -20,6 +20,8 @@ pub struct Warning {
 /// Photos that a capture should have at least: fewer leave most of a place unseen from a second
 /// side.
 const FEW_PHOTOS: usize = 10;
+/// Photos that should see a place: what two see at a slant is a guess.
+const FEW_WITNESSES: usize = 3;
 /// Degrees of azimuth without a photo that a view may not bridge, in a capture that goes around
 /// its subject and is no mere arc.
 const GAP: std::ops::Range<f64> = 60.0..180.0;
@@ -53,6 +55,27 @@ fn of_capture(scene: &Scene, found: &Inspection) -> Vec<Warning> {
         all.push(Warning {
             problem: format!("there are only {count} photos"),
             advice: "take 20 or more, each sharing half of its view with the next".into(),
+        });
+    }
+    let coverage = &found.coverage;
+    if count >= FEW_PHOTOS && coverage.worst_tenth < FEW_WITNESSES {
+        let seen = coverage.worst_tenth.max(1);
+        let around = match coverage.least.first() {
+            Some(photo) => format!(
+                "take ten more from around {photo}, each sharing half of its view with the next"
+            ),
+            None => "take ten more, each sharing half of its view with the next".into(),
+        };
+        all.push(Warning {
+            problem: format!(
+                "a tenth of what the photos show is seen by {} only, and will be vague",
+                if seen == 1 {
+                    "one photo".to_owned()
+                } else {
+                    format!("{seen} photos")
+                }
+            ),
+            advice: around,
         });
     }
     let cameras = &found.cameras;

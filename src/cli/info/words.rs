@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use impasto::scene::inspect::{CapturePattern, Inspection, LensUse, PhotoFacts};
+use impasto::scene::inspect::{CapturePattern, Coverage, Inspection, LensUse, PhotoFacts};
 use impasto_train::estimate::Estimate;
 
 use super::capture::CaptureInfo;
@@ -126,6 +126,7 @@ fn overlap(info: &CaptureInfo) -> String {
             100.0 * least.overlap
         );
     }
+    text += &coverage(&found.coverage);
     let fewest = found
         .per_photo
         .iter()
@@ -141,6 +142,22 @@ fn overlap(info: &CaptureInfo) -> String {
         );
     }
     text
+}
+
+fn coverage(coverage: &Coverage) -> String {
+    let Coverage {
+        median,
+        worst_tenth,
+        least,
+    } = coverage;
+    let around = match &least[..] {
+        [] => String::new(),
+        names => format!("; least around {}", names.join(", ")),
+    };
+    format!(
+        "Seen by: {median} photos, as a rule, for a place in one of them; {worst_tenth} or fewer for a \
+         tenth of all places{around}\n"
+    )
 }
 
 fn walk(found: &Inspection) -> String {

@@ -13,7 +13,7 @@ use crate::html::escaped;
 use crate::names::{OURS, PHOTO};
 use crate::results::Evaluation;
 use image::ImageError;
-use impasto_model::Quality;
+use impasto_model::{Grain, Quality};
 use rows::range_of;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -119,21 +119,53 @@ impl EvalReport<'_> {
         paintings.map(|painting| painting.name.as_str()).collect()
     }
 
+    /// Names, values and notes of what was measured without paint.
+    fn of_reconstruction(&self) -> Vec<(&'static str, String, String)> {
+        let Quality {
+            psnr,
+            ssim,
+            views,
+            fitted_psnr,
+            aligned_psnr,
+            grain,
+        } = self.reconstruction;
+        let mut figures = vec![
+            (
+                "PSNR",
+                format!("{psnr:.2} dB"),
+                format!(
+                    "held-out views: {views}; {fitted_psnr:.2} dB after an affine fit of colours"
+                ),
+            ),
+            ("SSIM", number(ssim, 3), "of the reconstruction".to_owned()),
+        ];
+        if let Some(aligned) = aligned_psnr {
+            let below = "poses of held-out views refined, as those of training photos were";
+            figures.push((
+                "PSNR, aligned",
+                format!("{aligned:.2} dB"),
+                below.to_owned(),
+            ));
+        }
+        if let Some(grain) = grain {
+            let Grain {
+                colour,
+                depth,
+                wrong_pixels,
+            } = grain;
+            let below = format!("depth {depth:.2} ×, single wrong pixels {wrong_pixels:.2} ×");
+            figures.push(("Grain between photos", format!("{colour:.2} ×"), below));
+        }
+        figures
+    }
+
     fn head(&self) -> String {
-        let Quality { psnr, ssim, views } = self.reconstruction;
         let synthetic = if self.synthetic {
             "<p class=\"note\">The scene is synthetic: its photos were made by a program.</p>\n"
         } else {
             ""
         };
-        let mut figures = vec![
-            (
-                "PSNR",
-                format!("{psnr:.2} dB"),
-                format!("held-out views: {views}"),
-            ),
-            ("SSIM", number(ssim, 3), "of the reconstruction".to_owned()),
-        ];
+        let mut figures = self.of_reconstruction();
         if let Some(ours) = self.evaluation.methods.get(OURS) {
             let retrieval = format!("retrieval {}", share(ours.fidelity.retrieval));
             figures.push(("Style gain", number(ours.fidelity.style_gain, 3), retrieval));

@@ -119,6 +119,13 @@ fn report(evaluation: &Evaluation) -> EvalReport<'_> {
             psnr: 27.625,
             ssim: 0.8125,
             views: 3,
+            fitted_psnr: 28.0,
+            aligned_psnr: Some(28.5),
+            grain: Some(Grain {
+                colour: 1.25,
+                depth: 1.5,
+                wrong_pixels: 0.75,
+            }),
         },
         scene: "<b>yard</b>",
         synthetic: false,

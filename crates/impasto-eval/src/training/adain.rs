@@ -124,7 +124,7 @@ impl AdaInTraining {
             beta2: 0.99,
             eps: 1e-8,
             step: u32::try_from(step + 1).unwrap_or(u32::MAX),
-            sparse: false,
+            sparse: None,
         }
     }
 }

@@ -75,6 +75,7 @@ impl GpuTraining {
             colours: seen.colours.clone(),
             depth: weights.surface,
             distortion: weights.distortion,
+            learned_from: weights.learned_from,
         };
         let weights = volumes(&level.weights, [&level.app.inner, &level.app.outer]);
         let found = gpu::descend(&self.spec, &samples, &weights, &targets);

@@ -59,6 +59,7 @@ impl Field {
             targets: colours,
             depth: weights.surface,
             distortion: weights.distortion,
+            learned_from: weights.learned_from,
         };
         let folded = |i: usize, weights| networks[i].folded(weights, app.latent.as_ref());
         let latent = field.latent.as_ref();

@@ -33,6 +33,9 @@ pub struct LossWeights {
     pub surface: f32,
     /// Weight of the mean distortion (Barron et al. 2022).
     pub distortion: f32,
+    /// Distance from the camera, scene units, from which on samples get their whole gradient; nearer
+    /// ones get less of it (Philip & Deschaintre 2023).
+    pub learned_from: f32,
 }
 
 /// What a step of training found.

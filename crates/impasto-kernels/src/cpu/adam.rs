@@ -16,9 +16,18 @@ pub struct AdamStep {
     pub eps: f32,
     /// 1 for the first step.
     pub step: u32,
-    /// Leave numbers with zero gradient, and their moments, as they are. For hash tables, of
-    /// which a step touches a small part.
-    pub sparse: bool,
+    /// For hash tables.
+    pub sparse: Option<Sparse>,
+}
+
+/// Steps of a hash table, of which each touches a small part: numbers with zero gradient, and their
+/// moments, stay as they are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sparse {
+    /// That many times the number itself is added to the gradient of each number that has one: the
+    /// less a step says of an entry, the closer it is kept to zero (Barron et al. 2023, "Zip-NeRF",
+    /// decays tables in this way, by level).
+    pub decay: f32,
 }
 
 const CHUNK: usize = 1 << 14;
@@ -74,6 +83,7 @@ impl WithSimd for Update<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let adam = self.adam;
+        let (sparse, decay) = (adam.sparse.is_some(), adam.sparse.map_or(0.0, |s| s.decay));
         let t = adam.step.max(1) as i32;
         let rate = adam.rate / (1.0 - adam.beta1.powi(t));
         let root_correction = (1.0 - adam.beta2.powi(t)).sqrt().recip();
@@ -83,12 +93,13 @@ impl WithSimd for Update<'_> {
             .chunks_mut(GROUP)
             .zip(self.second.chunks_mut(GROUP));
         for ((param, grad), (first, second)) in params.zip(moments) {
-            if adam.sparse && grad.iter().all(|g| *g == 0.0) {
+            if sparse && grad.iter().all(|g| *g == 0.0) {
                 continue;
             }
             let numbers = param.iter_mut().zip(grad).zip(first.iter_mut().zip(second));
             for ((p, g), (m, v)) in numbers {
-                let counts = (!adam.sparse || *g != 0.0) && g.is_finite();
+                let counts = (!sparse || *g != 0.0) && g.is_finite();
+                let g = g + decay * *p;
                 let next_m = adam.beta1 * *m + (1.0 - adam.beta1) * g;
                 let next_v = adam.beta2 * *v + (1.0 - adam.beta2) * g * g;
                 let next_p = *p - rate * next_m / (next_v.sqrt() * root_correction + adam.eps);

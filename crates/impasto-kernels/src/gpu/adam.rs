@@ -16,6 +16,7 @@ fn update_kernel(
     beta1: f32,
     beta2: f32,
     eps: f32,
+    decay: f32,
     #[comptime] sparse: bool,
 ) {
     let i = ABSOLUTE_POS;
@@ -26,6 +27,7 @@ fn update_kernel(
             counts = counts && g != 0.0;
         }
         if counts {
+            let g = g + decay * param[i];
             let m = beta1 * first[i] + (1.0 - beta1) * g;
             let v = beta2 * second[i] + (1.0 - beta2) * g * g;
             first[i] = m;
@@ -58,7 +60,8 @@ pub(crate) fn update([param, first, second]: [&CubeTensor; 3], grad: &CubeTensor
             step.beta1,
             step.beta2,
             step.eps,
-            step.sparse,
+            step.sparse.map_or(0.0, |sparse| sparse.decay),
+            step.sparse.is_some(),
         );
     }
 }

@@ -186,6 +186,14 @@ fn sweep(
     (mass, moment)
 }
 
+/// See [`crate::cpu::composite::learned`].
+#[cube]
+fn learned(contracted: f32, from: f32) -> f32 {
+    let distance = contracted / f32::max(1.0 - contracted, 1e-6);
+    let nearness = distance / f32::max(from, 1e-20);
+    select(distance >= from, 1.0f32, nearness * nearness)
+}
+
 #[cube(launch_unchecked)]
 fn backward_kernel(
     sigma: &[f32],
@@ -198,16 +206,15 @@ fn backward_kernel(
     rays: u32,
     samples: u32,
     depths: u32,
+    learned_from: f32,
     #[comptime] channels: usize,
 ) {
     let ray = ABSOLUTE_POS;
     if ray < rays as usize {
         let samples = samples as usize;
-        let depths = depths as usize * samples;
         let at = ray * (channels + 3);
         // What reaches a sample stands in its gradient's place until the way back has used it.
         let (mass, moment) = sweep(sigma, spans, steps, sigma_grad, ray, samples);
-        let by_mass = grad[at + channels];
         let by_depth = grad[at + channels + 1];
         let by_distortion = grad[at + channels + 2];
         let mut mass_before = mass;
@@ -224,30 +231,33 @@ fn backward_kernel(
                 let reaching = sigma_grad[i];
                 let weight = (1.0 - passed) * reaching;
                 let s = steps[2 * samples + i];
+                let share = learned(s, learned_from);
                 mass_before -= weight;
                 moment_before -= weight * s;
                 let mass_after = mass - mass_before - weight;
                 let moment_after = moment - moment_before - weight * s;
                 let spread = s * mass_before - moment_before + moment_after - s * mass_after;
-                let mut weight_grad =
-                    by_mass + by_depth * steps[depths + i] + 2.0 * by_distortion * spread;
+                let mut weight_grad = grad[at + channels]
+                    + by_depth * steps[depths as usize * samples + i]
+                    + 2.0 * by_distortion * spread;
                 #[unroll]
                 for c in 0..channels {
                     let by_colour = grad[at + c];
                     weight_grad += by_colour * colours[i * channels + c];
-                    colour_grad[i * channels + c] = by_colour * weight;
+                    colour_grad[i * channels + c] = by_colour * weight * share;
                 }
                 let alpha_grad = reaching * (weight_grad - behind);
                 // A huge last step saturates e^(−σδ) at 0; 0 · 1e10 must stay 0.
                 let slope = passed * steps[i];
-                sigma_grad[i] = select(slope > 0.0, alpha_grad * slope, 0.0);
+                sigma_grad[i] = select(slope > 0.0, alpha_grad * slope * share, 0.0);
                 behind = (1.0 - passed) * weight_grad + (passed + TRANSMITTANCE_EPS) * behind;
             }
         }
     }
 }
 
-/// See [`crate::cpu::composite::backward`]. Samples must not belong to two rays: they would get the
+/// See [`crate::cpu::composite::backward`] and, for `learned_from`, [`crate::cpu::composite::learned`].
+/// Samples must not belong to two rays: they would get the
 /// gradient of one of them, by chance.
 ///
 /// # Panics
@@ -257,6 +267,7 @@ pub(crate) fn backward(
     sigma: &CubeTensor,
     colours: &CubeTensor,
     grad: &CubeTensor,
+    learned_from: f32,
 ) -> (CubeTensor, CubeTensor) {
     layout.check(sigma, colours);
     let channels = colours.meta.shape()[1];
@@ -279,6 +290,7 @@ pub(crate) fn backward(
                 layout.rays as u32,
                 layout.samples as u32,
                 layout.depths,
+                learned_from,
                 channels,
             );
         }

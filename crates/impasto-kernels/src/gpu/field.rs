@@ -271,6 +271,8 @@ pub struct Targets {
     pub depth: f32,
     /// Weight of the mean distortion.
     pub distortion: f32,
+    /// Distance from which on samples get their whole gradient; see [`crate::RadianceSpec`].
+    pub learned_from: f32,
 }
 
 /// A loss and its gradients.
@@ -309,8 +311,13 @@ pub fn descend(
     let wanted = Uploaded::f32(points, &targets.colours);
     let counted = [targets.depth, targets.distortion];
     let ([loss, error], pixel_grads) = radiance::pixel_loss(&pixels, &wanted, counted);
-    let (density_grads, colour_grads) =
-        composite::backward(&layout, &density, &colours, &pixel_grads);
+    let (density_grads, colour_grads) = composite::backward(
+        &layout,
+        &density,
+        &colours,
+        &pixel_grads,
+        targets.learned_from,
+    );
     let gradients = [0, 1].map(|v| {
         let (own, rows) = (&spec.volumes[v], samples.rows(v));
         let grads = [&density_grads, &colour_grads];

@@ -346,8 +346,13 @@ pub(crate) fn loss(
     let targets = Uploaded::f32(like, &spec.targets);
     let weights = [spec.depth, spec.distortion];
     let ([losses, errors], pixel_grads) = pixel_loss(&pixels, &targets, weights);
-    let (density_grads, colour_grads) =
-        composite::backward(&layout, &densities, &colours, &pixel_grads);
+    let (density_grads, colour_grads) = composite::backward(
+        &layout,
+        &densities,
+        &colours,
+        &pixel_grads,
+        spec.learned_from,
+    );
     let out = CubeBackend::float_cat(vec![losses, errors, densities], 0);
     let trunks = [(inner.0, inner.1), (outer.0, outer.1)];
     let grads = [0, 1].map(|v| {

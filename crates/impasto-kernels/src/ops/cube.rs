@@ -92,7 +92,7 @@ impl KernelGrad for CubeBackend {
         layout.in_order();
         let sigma = whole(sigma);
         let device = DeviceLayout::of(&sigma, &layout);
-        composite::backward(&device, &sigma, &whole(colours), &whole(grad))
+        composite::backward(&device, &sigma, &whole(colours), &whole(grad), 0.0)
     }
 
     fn radiance_loss_with_gradients(

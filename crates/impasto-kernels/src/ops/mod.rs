@@ -11,7 +11,7 @@ mod flex;
 pub use flex::OnHost;
 
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Sparse, Volume,
 };
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
@@ -313,13 +313,13 @@ impl AdamParam {
     /// One Adam step (β = 0.9, 0.99, ε = 1e-15 when `sparse`, β₂ = 0.999, ε = 1e-8 otherwise).
     ///
     /// In place if no graph still holds the parameter.
-    pub fn step(&mut self, grad: Tensor<1>, rate: f32, sparse: bool) {
+    pub fn step(&mut self, grad: Tensor<1>, rate: f32, sparse: Option<Sparse>) {
         self.steps += 1;
         let step = AdamStep {
             rate,
             beta1: 0.9,
-            beta2: if sparse { 0.99 } else { 0.999 },
-            eps: if sparse { 1e-15 } else { 1e-8 },
+            beta2: if sparse.is_some() { 0.99 } else { 0.999 },
+            eps: if sparse.is_some() { 1e-15 } else { 1e-8 },
             step: self.steps,
             sparse,
         };

@@ -29,18 +29,42 @@ settings! {
         pub rays_at_once: usize where |v| *v >= 1 => "at least 1",
         /// Learning rate of hash tables at the start.
         pub grid_rate: f32 where |v| usable(*v) => "finite, not negative",
+        /// How strongly entries of hash tables are drawn to zero at each step that reaches them, at the
+        /// start: that many times the entry, over the number of photos, is added to its gradient
+        /// (after Barron et al. 2023, "Zip-NeRF"). What few rays say something of stays calm. The more
+        /// photos there are, the less has to be guessed; and the end is for detail, so that it fades.
+        pub grid_decay: f32 where |v| usable(*v) => "finite, not negative",
         /// Learning rate of networks at the start.
         pub network_rate: f32 where |v| usable(*v) => "finite, not negative",
         /// Rates end at this part of their start.
         pub final_rate: f32 where |v| usable(*v) => "finite, not negative",
         /// Weight of the distortion measure (Barron et al. 2022), against floaters.
         pub distortion: f32 where |v| usable(*v) => "finite, not negative",
+        /// Distance from a camera, scene units, from which on its rays teach the field all that they
+        /// see; nearer, less (Philip & Deschaintre 2023), against specks before the lens. 0: everywhere.
+        pub learned_from: f32 where |v| usable(*v) => "finite, not negative",
         /// Weight of the distance to known sparse points, at the start; fades with the rates.
         pub surface: f32 where |v| usable(*v) => "finite, not negative",
         /// Share of a step's rays that go through sparse points.
         pub surface_share: f32 where |v| share(v) => "0 to 1",
         /// Steps between two looks at the density grids.
         pub grid_every: u64 where |v| *v >= 1 => "at least 1",
+        /// What is learned of the photos beside the field.
+        pub calibration: Option<CalibrationConfig>,
+    }
+}
+
+settings! {
+    /// What is learned of the photos themselves.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct CalibrationConfig {
+        /// Steps between two comparisons of a photo with the field, photo by photo in turn.
+        pub every: u64 where |v| *v >= 1 => "at least 1",
+        /// Whether each photo has its own exposure and white balance: an affine map of colours.
+        pub exposures: bool,
+        /// Share of the stage from which on poses are refined; none: they are as they came.
+        pub poses_from: Option<f32> where |v| v.is_none_or(|v| share(&v)) => "0 to 1",
     }
 }
 

@@ -1,8 +1,8 @@
 //! The presets.
 
 use crate::config::{
-    ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, STYLE_SIDE, StyleConfig,
-    TrainConfig,
+    CalibrationConfig, ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, STYLE_SIDE,
+    StyleConfig, TrainConfig,
 };
 use impasto_field::{
     AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig, Shading,
@@ -62,12 +62,19 @@ impl TrainConfig {
                 rays: [512, 8192],
                 rays_at_once: 8192,
                 grid_rate: 3e-2,
+                grid_decay: 2.4e-5,
                 network_rate: 1.2e-2,
-                final_rate: 0.1,
+                final_rate: 0.02,
                 distortion: 3e-3,
+                learned_from: 1.0,
                 surface: 0.1,
                 surface_share: 0.1,
                 grid_every: 16,
+                calibration: Some(CalibrationConfig {
+                    every: 16,
+                    exposures: true,
+                    poses_from: Some(0.2),
+                }),
             },
             style: StyleConfig {
                 shading: Shading::Surface {
@@ -164,9 +171,12 @@ impl TrainConfig {
                 rays: [patch[0] * patch[1]; 2],
                 rays_at_once: 256,
                 grid_rate: 5e-4,
+                grid_decay: 0.0,
                 network_rate: 5e-4,
                 final_rate: 1.0,
                 distortion: 0.0,
+                learned_from: 0.0,
+                calibration: None,
                 surface: 0.0,
                 surface_share: 0.0,
                 ..fast.geometry

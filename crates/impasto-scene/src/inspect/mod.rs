@@ -1,6 +1,7 @@
 //! What a capture is like: lenses, how cameras stand, and photo by photo what may be wrong.
 
 mod compare;
+mod coverage;
 mod facts;
 mod layout;
 mod neighbours;
@@ -12,6 +13,7 @@ use serde::Serialize;
 use crate::camera::Camera;
 use crate::paths::camera_geometry::CameraGeometry;
 use crate::scene::Scene;
+pub use coverage::Coverage;
 pub use facts::PhotoFacts;
 pub use layout::{CameraLayout, CapturePattern, LensUse};
 use problems::Measurements;
@@ -24,6 +26,8 @@ pub struct Inspection {
     pub lenses: Vec<LensUse>,
     /// Where cameras stand.
     pub cameras: CameraLayout,
+    /// How many photos see what one shows.
+    pub coverage: Coverage,
     /// Photo by photo, in the scene's order.
     pub per_photo: Vec<PhotoFacts>,
     /// What is wrong with single photos, the worst first.
@@ -49,6 +53,7 @@ pub fn inspect(scene: &Scene) -> Inspection {
         PhotoFacts::of(scene, i, &near[i], seen, &qualities[i], compared[i])
     };
     let facts: Vec<PhotoFacts> = (0..cameras.len()).map(facts).collect();
+    let coverage = coverage::coverage(scene, &geometry, &seen);
     let layout = layout::layout(scene, &cameras, &geometry);
     let problems = problems::find(&Measurements {
         scene,
@@ -62,6 +67,7 @@ pub fn inspect(scene: &Scene) -> Inspection {
     Inspection {
         lenses: layout::lenses(scene),
         cameras: layout,
+        coverage,
         per_photo: facts,
         problems,
     }

@@ -4,6 +4,7 @@
 //! from a saved model as well. The paths of the photos themselves are
 //! [`Scene::cameras`](crate::Scene::cameras).
 
+mod between;
 pub(crate) mod camera_geometry;
 mod camera_path;
 mod keyframes;
@@ -13,6 +14,7 @@ mod request;
 mod spiral;
 mod spline;
 
+pub use between::{Between, between};
 pub use camera_path::{CameraPath, Keyframe};
 pub use keyframes::{KeyframeOptions, frame_rate, keyframes};
 pub use orbit::orbit;

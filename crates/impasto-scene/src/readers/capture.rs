@@ -95,7 +95,7 @@ impl Capture {
             Split::Test => true,
             Split::Train => {
                 number += 1;
-                // As many of the first n as n is of all, rounded down: the middle one of each part.
+                // As many of the first n as is their share, to the nearest: about the middle of each part.
                 let before = |n: usize| (2 * n * count + of_training) / (2 * of_training);
                 before(number) > before(number - 1)
             }

@@ -1,5 +1,6 @@
 //! Photos → field: the geometry stage (PAPER §4).
 
+pub(crate) mod calibration;
 mod photos;
 mod refit;
 mod stage;

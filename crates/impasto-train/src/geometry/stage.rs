@@ -1,13 +1,16 @@
 //! Photos → field (PAPER §4).
 
+use crate::geometry::calibration::Calibration;
 use crate::geometry::photos::{KnownSurface, PhotoRays, draw, photo_rays};
 use crate::geometry::surfaces::{known_surfaces, seen_by_any};
 use crate::optimizer::{Adam, Rate};
 use crate::readback::ReadbackSchedule;
 use burn::tensor::{Device, Tensor};
 use impasto_field::training::{BatchSize, FieldTraining, LossWeights, TargetRays};
-use impasto_field::{Appearance, Field, FieldWeights, OccupancyGrids, RadianceField, host};
-use impasto_kernels::DensityGrid;
+use impasto_field::{
+    Appearance, Field, FieldWeights, OccupancyGrids, RadianceField, RayBatch, Renderer, host,
+};
+use impasto_kernels::{DensityGrid, Sparse};
 use impasto_model::config::GeometryConfig;
 use impasto_model::tensors::{Entry, TensorReader};
 use impasto_model::{Clock, ModelFile, TrainConfig};
@@ -16,11 +19,15 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
+/// Rates of a stage that goes on with other pictures end at this part of their start, at least.
+const REFIT_FINAL_RATE: f32 = 0.1;
+
 /// A field in training.
 pub struct GeometryStage {
     training: FieldTraining,
     config: GeometryConfig,
     photos: Vec<PhotoRays>,
+    calibration: Option<Calibration>,
     surfaces: Vec<KnownSurface>,
     /// The field, after the first field of a cascade.
     levels: Vec<Adam<RadianceField>>,
@@ -47,6 +54,7 @@ pub(crate) struct GeometryProgress {
     step: u64,
     /// Adam's steps of each parameter, level by level.
     adam: Vec<Vec<u32>>,
+    calibration: Option<Calibration>,
 }
 
 /// What one step did.
@@ -82,6 +90,12 @@ impl GeometryStage {
         if let Some(grids) = &file.grids {
             stage.training.set_grids(grids.clone(), device);
         }
+        // The pictures are new, but their cameras are known and their colours meant; and what the
+        // model has learned keeps specks away.
+        stage.calibration = None;
+        (stage.config.learned_from, stage.config.grid_decay) = (0.0, 0.0);
+        // All colours may have to change, in what is often a short time.
+        stage.config.final_rate = stage.config.final_rate.max(REFIT_FINAL_RATE);
         stage
     }
 
@@ -115,6 +129,9 @@ impl GeometryStage {
             levels,
             training: FieldTraining::new(field, &app, sees, batch, device),
             config: geometry.clone(),
+            calibration: geometry
+                .calibration
+                .map(|c| Calibration::new(c, photos.len())),
             photos: photo_rays(photos.iter().copied()),
             surfaces: Vec::new(),
             readback: ReadbackSchedule::new(),
@@ -158,6 +175,7 @@ impl GeometryStage {
             rng: self.rng.clone(),
             step: self.step,
             adam,
+            calibration: self.calibration.clone(),
         };
         (progress, entries)
     }
@@ -178,6 +196,10 @@ impl GeometryStage {
             let grids = OccupancyGrids::new(inner, outer);
             self.training.set_grids(grids, from.device);
         }
+        if let Some(calibration) = &progress.calibration {
+            calibration.apply(&mut self.photos);
+        }
+        self.calibration.clone_from(&progress.calibration);
         self.rng = progress.rng.clone();
         self.step = progress.step;
         Ok(())
@@ -190,6 +212,7 @@ impl GeometryStage {
             let weights = self.levels[0].values().weights;
             self.training.update_grids(&weights, &mut self.rng);
         }
+        self.calibrate(progress);
         let targets = self.drawn();
         let rays = targets.rays.len();
         let weights = self.loss_weights(&targets, progress);
@@ -208,6 +231,28 @@ impl GeometryStage {
             loss: self.error,
             rays,
         }
+    }
+
+    /// Compares a photo with the field, where one is due.
+    fn calibrate(&mut self, progress: f32) {
+        let (Some(mut calibration), Some(level)) = (
+            self.calibration.take_if(|c| c.is_due(self.step)),
+            self.levels.last(),
+        ) else {
+            return;
+        };
+        let RadianceField { weights, app } = level.values();
+        let field = self.training.field().clone();
+        let apps = [&app.config, &app.config];
+        let renderer = Renderer::open(field, weights, self.training.grids(), apps);
+        let render = |rays: &RayBatch| renderer.render(rays, &[&app]);
+        calibration.visit(&mut self.photos, &render, progress, &mut self.rng);
+        self.calibration = Some(calibration);
+    }
+
+    /// The training cameras that have moved, by number of their photo.
+    pub fn cameras(&self) -> impl Iterator<Item = (usize, Camera)> {
+        self.calibration.iter().flat_map(Calibration::cameras)
     }
 
     /// A step's rays, some of them to known surfaces.
@@ -231,17 +276,18 @@ impl GeometryStage {
     fn adam(&mut self, gradients: Vec<Vec<Option<Tensor<1>>>>, progress: f32) {
         let config = &self.config;
         let fade = config.final_rate.powf(progress);
+        let decay = config.grid_decay / self.photos.len().max(1) as f32 * fading(progress);
         for (level, gradients) in self.levels.iter_mut().zip(gradients) {
             level.step(gradients, |name| {
-                let sparse = name.ends_with(".encoding");
-                let rate = if sparse {
+                let table = name.ends_with(".encoding");
+                let rate = if table {
                     config.grid_rate
                 } else {
                     config.network_rate
                 };
                 Rate {
                     rate: rate * fade,
-                    sparse,
+                    sparse: table.then_some(Sparse { decay }),
                 }
             });
         }
@@ -253,10 +299,16 @@ impl GeometryStage {
         LossWeights {
             // Too early, the distortion measure freezes whatever haze there is.
             distortion: self.config.distortion * (progress * 10.0).min(1.0),
+            learned_from: self.config.learned_from,
             // Of the rays that have a surface, not of all.
-            surface: self.config.surface * (1.0 - progress).powi(2) * all / known,
+            surface: self.config.surface * fading(progress) * all / known,
         }
     }
+}
+
+/// What helps at the start and is in the way of detail at the end.
+fn fading(progress: f32) -> f32 {
+    (1.0 - progress).powi(2)
 }
 
 /// A grid with what was observed of it.

@@ -17,7 +17,7 @@ use std::time::Duration;
 /// Keys of the JSON and of its hash with the tensors' in the file's metadata.
 const KEYS: [&str; 2] = ["impasto_checkpoint", "hash"];
 /// Raised when a checkpoint of an earlier version can no longer be read.
-pub(crate) const VERSION: u32 = 2;
+pub(crate) const VERSION: u32 = 3;
 
 /// Where a run stands.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -2,7 +2,7 @@
 
 use crate::run::recovery::Recovery;
 use burn::tensor::Device;
-use impasto_model::{Budget, Stages, TrainConfig};
+use impasto_model::{Budget, Quality, Stages, TrainConfig};
 use impasto_scene::LoadOptions;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -42,12 +42,9 @@ pub struct TrainOptions {
 pub struct TrainSummary {
     /// The model folder.
     pub model: PathBuf,
-    /// Mean PSNR of held-out views, dB.
-    pub psnr: f64,
-    /// Mean SSIM of held-out views.
-    pub ssim: f64,
-    /// Held-out views.
-    pub views: usize,
+    /// Of the geometry.
+    #[serde(flatten)]
+    pub quality: Quality,
     /// Seconds that the run took, all its parts together where it was interrupted.
     pub seconds: f64,
     /// Steps of the geometry stage.

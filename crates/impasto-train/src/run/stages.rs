@@ -16,7 +16,7 @@ use impasto_model::{
     Stopwatch, StyleEmbedding, TrainingRecord,
 };
 use impasto_scene::file::write_atomic;
-use impasto_scene::{PictureFolder, Scene};
+use impasto_scene::{PictureFolder, Scene, Split};
 use impasto_style::{Perceptual, StyleVae};
 use std::time::{Duration, Instant};
 
@@ -215,6 +215,15 @@ impl Run<'_> {
         let mut stage = GeometryStage::new(&self.scene, config, options.seed, &options.device);
         let place = self.started(Stage::Geometry, 0);
         let steps = self.steps_of(&mut stage, place)?;
+        let moved: Vec<_> = stage.cameras().collect();
+        let mut training = self.scene.photos.iter_mut();
+        let mut training: Vec<_> = training
+            .by_ref()
+            .filter(|photo| photo.split == Split::Train)
+            .collect();
+        for (photo, camera) in &moved {
+            training[*photo].camera = *camera;
+        }
         let TrainedGeometry { radiance, grids } = stage.snapshot();
         let mut file = ModelFile {
             config: config.clone(),
@@ -232,7 +241,8 @@ impl Run<'_> {
             Budget::Time(time) => time.mul_f64(COMPARISON),
             Budget::Steps(_) => Duration::MAX,
         };
-        let (quality, preview) = validation::validate(&model, &self.scene, limit);
+        let (quality, preview) =
+            validation::validate(&model, &self.scene, !moved.is_empty(), limit);
         file.quality = quality;
         self.log.event(&Event::Validation {
             step: steps,
@@ -353,6 +363,10 @@ impl Run<'_> {
                 colors: style.colors,
             })
             .collect();
+        // Where the geometry stage has found them to be.
+        for (photo, known) in self.scene.photos.iter_mut().zip(&file.scene.photos) {
+            photo.camera.camera_to_world = known.camera.camera_to_world;
+        }
         let photos = photo_rays(self.scene.train().map(|(_, p)| p));
         let geometry = TrainedGeometry {
             radiance: file.radiance.clone(),

@@ -161,9 +161,7 @@ fn summary(
     let made = file.finished.as_ref();
     TrainSummary {
         model: options.output.clone(),
-        psnr: file.quality.psnr,
-        ssim: file.quality.ssim,
-        views: file.quality.views,
+        quality: file.quality,
         seconds: seconds.as_secs_f64(),
         geometry_steps: made.map_or(0, |m| m.geometry_steps),
         style_steps: made.map_or(0, |m| m.style_steps),

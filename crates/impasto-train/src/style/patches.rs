@@ -345,11 +345,8 @@ mod tests {
     use rand::SeedableRng;
 
     fn photo(x: f64, yaw: f64) -> PhotoRays {
-        PhotoRays {
-            rays: sized_camera(DVec3::X * x, yaw, [24, 20]),
-            pixels: vec![0.5; 24 * 20 * 3],
-            used: None,
-        }
+        let camera = sized_camera(DVec3::X * x, yaw, [24, 20]);
+        PhotoRays::new(camera, vec![0.5; 24 * 20 * 3], None, None)
     }
 
     #[test]

@@ -11,9 +11,7 @@ use burn::tensor::Tensor;
 use image::RgbImage;
 use impasto_field::{Appearance, Field, Parameters, Renderer, host};
 use impasto_model::config::{ContentTarget, StyleConfig};
-use impasto_model::{
-    Budget, CameraRays, Clock, Model, StyleEmbedding, StyledAppearance, square_statistics,
-};
+use impasto_model::{Budget, Clock, Model, StyleEmbedding, StyledAppearance, square_statistics};
 use impasto_scene::Split;
 use impasto_style::{Perceptual, Statistics, StyleError, square_crop};
 use rand::SeedableRng;
@@ -50,11 +48,8 @@ impl<'a> Refinement<'a> {
         if cameras.is_empty() || !model.has_style() {
             return Ok(None);
         }
-        let photos = cameras.iter().map(|camera| PhotoRays {
-            rays: CameraRays::new(camera, None),
-            pixels: Vec::new(),
-            used: None,
-        });
+        let photos = cameras.into_iter();
+        let photos = photos.map(|camera| PhotoRays::new(camera, Vec::new(), None, None));
         // A model holds no photos to compare with.
         let settings = StyleConfig {
             content_target: ContentTarget::Render,
@@ -163,7 +158,7 @@ impl<'a> Refinement<'a> {
             let warm = ((clock.steps + 1) as f32 / WARM_UP).min(1.0);
             params.step(found, |_| Rate {
                 rate: RATE * fade * warm,
-                sparse: false,
+                sparse: None,
             });
             clock.steps += 1;
             if readback.due() {

@@ -188,7 +188,7 @@ impl StyleStage {
             let sparse = name.ends_with(".canvas");
             Rate {
                 rate: if sparse { canvas } else { hyper },
-                sparse,
+                sparse: sparse.then_some(impasto_kernels::Sparse { decay: 0.0 }),
             }
         });
         report

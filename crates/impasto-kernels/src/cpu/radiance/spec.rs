@@ -83,6 +83,9 @@ pub struct RadianceSpec {
     pub depth: f32,
     /// Weight of the mean distortion.
     pub distortion: f32,
+    /// Distance from which on samples get their whole gradient; see
+    /// [`learned`](crate::cpu::composite::learned).
+    pub learned_from: f32,
 }
 
 /// One volume's numbers: what goes in, or its gradient.

@@ -334,7 +334,8 @@ impl<'a> RayPiece<'a> {
     ) -> (Vec<f32>, Vec<f32>) {
         let mut density_grad = vec![0.0; densities.len()];
         let mut colour_grad = vec![0.0; colours.len()];
-        let samples = ShadedSamples::new(layout, densities, colours, CHANNELS);
+        let samples = ShadedSamples::new(layout, densities, colours, CHANNELS)
+            .learned_from(self.spec.learned_from);
         let rays = self.spec.layout.rays.len() as f32;
         let mut steps: Vec<Step> = Vec::new();
         for (i, span) in layout.rays.iter().enumerate() {

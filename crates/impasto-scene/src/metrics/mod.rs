@@ -1,4 +1,10 @@
-//! How close a picture is to another one.
+//! How close a picture is to another one, and how restless it is.
+
+mod affine;
+mod grain;
+
+pub use affine::affine_fit;
+pub use grain::{second_differences, wrong_pixels};
 
 /// Side of the window of [`ssim`], in pixels.
 const WINDOW: usize = 11;
