@@ -121,25 +121,24 @@ impl EvalReport<'_> {
 
     /// Names, values and notes of what was measured without paint.
     fn of_reconstruction(&self) -> Vec<(&'static str, String, String)> {
-        let Quality {
-            psnr,
-            ssim,
-            views,
-            fitted_psnr,
-            aligned_psnr,
-            grain,
-        } = self.reconstruction;
+        let quality = &self.reconstruction;
+        let (psnr, fitted) = (quality.psnr, quality.fitted_psnr);
         let mut figures = vec![
             (
                 "PSNR",
                 format!("{psnr:.2} dB"),
                 format!(
-                    "held-out views: {views}; {fitted_psnr:.2} dB after an affine fit of colours"
+                    "held-out views: {}; {fitted:.2} dB after an affine fit of colours",
+                    quality.views
                 ),
             ),
-            ("SSIM", number(ssim, 3), "of the reconstruction".to_owned()),
+            (
+                "SSIM",
+                number(quality.ssim, 3),
+                "of the reconstruction".to_owned(),
+            ),
         ];
-        if let Some(aligned) = aligned_psnr {
+        if let Some(aligned) = quality.aligned_psnr {
             let below = "poses of held-out views refined, as those of training photos were";
             figures.push((
                 "PSNR, aligned",
@@ -147,7 +146,7 @@ impl EvalReport<'_> {
                 below.to_owned(),
             ));
         }
-        if let Some(grain) = grain {
+        if let Some(grain) = quality.grain {
             let Grain {
                 colour,
                 depth,

@@ -257,8 +257,7 @@ fn backward_kernel(
 }
 
 /// See [`crate::cpu::composite::backward`] and, for `learned_from`, [`crate::cpu::composite::learned`].
-/// Samples must not belong to two rays: they would get the
-/// gradient of one of them, by chance.
+/// Samples must not belong to two rays: they would get the gradient of one of them, by chance.
 ///
 /// # Panics
 /// If there are not as many densities and colours as samples.

@@ -216,11 +216,8 @@ impl Run<'_> {
         let place = self.started(Stage::Geometry, 0);
         let steps = self.steps_of(&mut stage, place)?;
         let moved: Vec<_> = stage.cameras().collect();
-        let mut training = self.scene.photos.iter_mut();
-        let mut training: Vec<_> = training
-            .by_ref()
-            .filter(|photo| photo.split == Split::Train)
-            .collect();
+        let photos = self.scene.photos.iter_mut();
+        let mut training: Vec<_> = photos.filter(|p| p.split == Split::Train).collect();
         for (photo, camera) in &moved {
             training[*photo].camera = *camera;
         }
