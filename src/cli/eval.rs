@@ -161,6 +161,13 @@ fn table(evaluation: &Evaluation) -> String {
             fidelity.paintings.len(),
             fidelity.views,
         );
+        if let Some(strokes) = result.strokes {
+            line += &format!(
+                "\n  stroke score {:.3}, stroke retrieval {:.1} %",
+                strokes.stroke_score,
+                strokes.stroke_retrieval * 100.0,
+            );
+        }
         if let (Some(exact), Some(sharpness)) = (&result.consistency, result.sharpness) {
             line += &format!(
                 "\n  consistency E×100 {} short, {} long, sharpness {sharpness:.2}",

@@ -9,6 +9,7 @@ use crate::names::{OURS, REFINED};
 use crate::record::{ImageRecord, RecordPlan};
 use crate::render::{GROUP, held_out, predicted, unstylised};
 use crate::results::{Evaluation, compare_with_photo};
+use crate::strokes::StrokeMetric;
 use crate::training::{HOW, Reconstruct, reconstructed, refined, training_views};
 use crate::trajectory::Trajectory;
 use image::RgbImage;
@@ -59,6 +60,7 @@ pub fn evaluate(
     let mut evaluator = Evaluator {
         model,
         fidelity: FidelityMetric::new(&vgg, paintings, &views)?,
+        strokes: StrokeMetric::new(&vgg, paintings, &views, tick)?,
         trajectory: Trajectory::new(model, supersampling, path, tick),
         paintings,
         cameras: &cameras,
@@ -98,7 +100,8 @@ pub fn evaluate(
 impl EvalOptions<'_> {
     /// Pictures that [`evaluate`] makes one by one, of held-out views and of the path: renders,
     /// unstylised and then once for every group of paintings (twice with refined looks), what each
-    /// compared method makes of them with each painting, and renders of every reconstruction.
+    /// compared method makes of them with each painting, and renders of every reconstruction;
+    /// with the pairs of a painting and a view that are looked at for strokes.
     pub fn pictures(&self, model: &Model) -> usize {
         let kinds = 1 + usize::from(self.refine.is_some());
         let rendered = 1 + kinds * self.paintings.len().div_ceil(GROUP);
@@ -106,6 +109,8 @@ impl EvalOptions<'_> {
         let again = self.reconstruct.map_or(0, |how| {
             self.against.len() * how.paintings.min(self.paintings.len())
         });
-        (held_out(model).len() + self.path.len()) * (rendered + painted + again)
+        let views = held_out(model).len();
+        let pairs = StrokeMetric::pairs(self.paintings.len(), views);
+        (views + self.path.len()) * (rendered + painted + again) + pairs
     }
 }

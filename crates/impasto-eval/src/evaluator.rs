@@ -7,6 +7,7 @@ use crate::names::PHOTO;
 use crate::record::ImageRecord;
 use crate::render::{GROUP, views};
 use crate::results::{MethodResult, NamedResult, PaintingMetrics};
+use crate::strokes::{StrokeMetric, Strokes};
 use crate::trajectory::{Trajectory, TrajectoryMetrics};
 use image::RgbImage;
 use impasto_model::{Model, StyledAppearance};
@@ -18,6 +19,7 @@ use rayon::prelude::*;
 pub(crate) struct Evaluator<'a> {
     pub(crate) model: &'a Model,
     pub(crate) fidelity: FidelityMetric<'a>,
+    pub(crate) strokes: StrokeMetric,
     pub(crate) trajectory: Trajectory,
     pub(crate) paintings: &'a [(String, RgbImage)],
     /// Of the held-out views.
@@ -53,9 +55,10 @@ impl Evaluator<'_> {
         views: &[RgbImage],
         frames: &[RgbImage],
     ) -> Result<PaintingMetrics, StyleError> {
-        let fidelity = self.fidelity.of_views(painting, views)?;
-        let metrics = self.measure_frames(method, painting, views, frames)?;
-        Ok((fidelity, metrics))
+        Ok(PaintingMetrics {
+            fidelity: self.fidelity.of_views(painting, views)?,
+            trajectory: self.measure_frames(method, painting, views, frames)?,
+        })
     }
 
     /// The frames' part of [`Self::measure`].
@@ -73,23 +76,33 @@ impl Evaluator<'_> {
         self.trajectory.measure(frames, self.fidelity.vgg)
     }
 
-    /// A method's result, from those of its paintings.
-    pub(crate) fn result(&self, name: &str, results: Vec<PaintingMetrics>) -> NamedResult {
+    /// A method's result, from those of its paintings and what was seen of their strokes.
+    pub(crate) fn result(
+        &self,
+        name: &str,
+        results: Vec<PaintingMetrics>,
+        strokes: &[Vec<Strokes>],
+    ) -> NamedResult {
         let result = MethodResult::of(results, self.views.len());
+        let result = result.with_strokes(&self.strokes.measure(strokes));
         (name.to_owned(), result)
     }
 
     /// The unstylised views and frames, as if they were every painting's.
     pub(crate) fn photo(&mut self) -> Result<NamedResult, EvalError> {
         let frames = &self.trajectory.frames;
-        let metrics = self.trajectory.measure(frames, self.fidelity.vgg)?;
+        let trajectory = self.trajectory.measure(frames, self.fidelity.vgg)?;
         if let Some(record) = &mut self.record {
             let worst = self.trajectory.worst(frames);
             record.add(PHOTO, None, self.views, frames, worst);
         }
         let paintings = 0..self.paintings.len();
-        let results = paintings.map(|i| (self.fidelity.of_unstylised(i), metrics));
-        Ok(self.result(PHOTO, results.collect()))
+        let results = paintings.map(|i| PaintingMetrics {
+            fidelity: self.fidelity.of_unstylised(i),
+            trajectory,
+        });
+        let result = MethodResult::of(results.collect(), self.views.len());
+        Ok((PHOTO.to_owned(), result))
     }
 
     /// Looks of the model, one for each painting, under this name.
@@ -99,15 +112,17 @@ impl Evaluator<'_> {
         look: &mut dyn FnMut(&RgbImage) -> Result<StyledAppearance, EvalError>,
     ) -> Result<NamedResult, EvalError> {
         let mut results = Vec::with_capacity(self.paintings.len());
+        let mut strokes = Vec::with_capacity(self.paintings.len());
         for group in self.paintings.chunks(GROUP) {
             let looks = group.iter().map(|(_, painting)| look(painting));
             let looks: Vec<StyledAppearance> = looks.collect::<Result<_, _>>()?;
             let [views, frames] = self.render(self.model, &looks.iter().collect::<Vec<_>>());
             for (views, frames) in views.iter().zip(&frames) {
                 results.push(self.measure(name, results.len(), views, frames)?);
+                strokes.push(self.strokes.strokes(views)?);
             }
         }
-        Ok(self.result(name, results))
+        Ok(self.result(name, results, &strokes))
     }
 
     /// Another method, frame by frame and as a video, with their names.
@@ -116,21 +131,24 @@ impl Evaluator<'_> {
         stylizer: &dyn Stylizer,
     ) -> Result<[NamedResult; 2], EvalError> {
         let (name, video_name) = (stylizer.name(), stylizer.video_name());
-        let (mut by_frame, mut as_video) = (Vec::new(), Vec::new());
+        let (mut by_frame, mut as_video, mut strokes) = (Vec::new(), Vec::new(), Vec::new());
         for (i, (_, painting)) in self.paintings.iter().enumerate() {
             let transfer = stylizer.transfer(painting);
             let views = stylised(self.views, &transfer, self.tick);
             let frames = stylised(&self.trajectory.frames, &transfer, self.tick);
-            let (fidelity, metrics) = self.measure(name, i, &views, &frames)?;
+            let found = self.measure(name, i, &views, &frames)?;
+            strokes.push(self.strokes.strokes(&views)?);
             // By estimated flow, because a method of pictures knows no geometry.
             let video = temporal(&frames, &self.trajectory.estimated[0]);
             // A first frame is a single picture: as a video, the views are the same.
-            let video_metrics = self.measure_frames(&video_name, i, &views, &video)?;
-            by_frame.push((fidelity.clone(), metrics));
-            as_video.push((fidelity, video_metrics));
+            as_video.push(PaintingMetrics {
+                fidelity: found.fidelity.clone(),
+                trajectory: self.measure_frames(&video_name, i, &views, &video)?,
+            });
+            by_frame.push(found);
         }
-        let as_video = self.result(&video_name, as_video);
-        Ok([self.result(name, by_frame), as_video])
+        let as_video = self.result(&video_name, as_video, &strokes);
+        Ok([self.result(name, by_frame, &strokes), as_video])
     }
 }
 

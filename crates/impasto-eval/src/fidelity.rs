@@ -11,6 +11,7 @@
 
 use crate::consistency::{ByRange, Consistency};
 use crate::resize::scaled;
+use crate::strokes::StrokeResult;
 use image::RgbImage;
 use image::imageops::FilterType;
 use impasto_model::{STYLE_SIDE, painting_statistics};
@@ -34,6 +35,9 @@ pub struct PaintingResult {
     pub taken_for: Option<String>,
     /// Mean squared difference of relu4_1 to the unstylised render.
     pub content_loss: f64,
+    /// Whether there are strokes of the painting's kind; `None` of unstylised renders.
+    #[serde(flatten)]
+    pub strokes: Option<StrokeResult>,
     /// Agreement of frames in this style, by exact flow; `None` without a path.
     #[serde(flatten)]
     pub consistency: Option<ByRange<Consistency>>,
@@ -139,6 +143,7 @@ impl<'a> FidelityMetric<'a> {
             retrieved,
             taken_for: most.map(|other| self.names[other].to_owned()),
             content_loss,
+            strokes: None,
             consistency: None,
             sharpness: None,
         }

@@ -19,6 +19,7 @@ pub mod report;
 mod resize;
 mod results;
 mod sharpness;
+pub mod strokes;
 pub mod study;
 #[cfg(test)]
 mod tests;

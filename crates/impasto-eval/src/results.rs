@@ -4,6 +4,7 @@ use crate::consistency::{ByRange, Consistency};
 use crate::fidelity::{PaintingResult, StyleFidelity};
 use crate::names::PHOTO;
 use crate::record::ImageRecord;
+use crate::strokes::StrokeResult;
 use crate::trajectory::TrajectoryMetrics;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -14,6 +15,9 @@ pub struct MethodResult {
     /// How like the paintings.
     #[serde(flatten)]
     pub fidelity: StyleFidelity,
+    /// Whether there are strokes of the paintings' kind; `None` of unstylised renders.
+    #[serde(flatten)]
+    pub strokes: Option<StrokeResult>,
     /// Agreement of frames by exact flow; `None` without a path.
     #[serde(flatten)]
     pub consistency: Option<ByRange<Consistency>>,
@@ -69,17 +73,28 @@ pub struct Evaluation {
 
 /// A method's name and results.
 pub(crate) type NamedResult = (String, MethodResult);
-/// Measures of one method and painting; the second is `None` without a path.
-pub(crate) type PaintingMetrics = (PaintingResult, Option<TrajectoryMetrics>);
+
+/// Measures of one method and painting.
+pub(crate) struct PaintingMetrics {
+    /// Style and content of the views.
+    pub(crate) fidelity: PaintingResult,
+    /// `None` without a path.
+    pub(crate) trajectory: Option<TrajectoryMetrics>,
+}
 
 impl MethodResult {
     /// Means of results by painting, over so many views.
     pub(crate) fn of(mut results: Vec<PaintingMetrics>, views: usize) -> Self {
-        for (painting, metrics) in &mut results {
-            painting.consistency = metrics.map(|m| m.exact.into());
-            painting.sharpness = metrics.map(|m| m.sharpness);
+        for PaintingMetrics {
+            fidelity,
+            trajectory,
+        } in &mut results
+        {
+            fidelity.consistency = trajectory.map(|m| m.exact.into());
+            fidelity.sharpness = trajectory.map(|m| m.sharpness);
         }
-        let (paintings, metrics): (Vec<_>, Vec<_>) = results.into_iter().unzip();
+        let pairs = results.into_iter().map(|m| (m.fidelity, m.trajectory));
+        let (paintings, metrics): (Vec<_>, Vec<_>) = pairs.unzip();
         let metrics: Vec<TrajectoryMetrics> = metrics.into_iter().flatten().collect();
         let exact = mean(metrics.iter().map(|m| m.exact));
         let true_depth = mean(metrics.iter().filter_map(|m| m.true_depth));
@@ -90,12 +105,25 @@ impl MethodResult {
         let sharpness = metrics.iter().map(|m| m.sharpness).sum::<f64>() / metrics.len() as f64;
         Self {
             fidelity: StyleFidelity::of(paintings, views),
+            strokes: None,
             consistency: exact,
             over_photo: None,
             true_depth,
             estimated_flow: mean(metrics.iter().map(|m| m.estimated)),
             sharpness: (!metrics.is_empty()).then_some(sharpness),
         }
+    }
+}
+
+impl MethodResult {
+    /// The same with what was found of strokes: of all paintings, then painting by painting.
+    pub(crate) fn with_strokes(mut self, found: &(StrokeResult, Vec<StrokeResult>)) -> Self {
+        self.strokes = Some(found.0);
+        let paintings = self.fidelity.paintings.iter_mut();
+        for (painting, found) in paintings.zip(&found.1) {
+            painting.strokes = Some(*found);
+        }
+        self
     }
 }
 

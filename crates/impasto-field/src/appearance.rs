@@ -2,13 +2,16 @@
 
 use crate::branch::kaiming;
 use crate::config::AppearanceConfig;
-use crate::encoding::hash_table;
+use crate::encoding::vector;
 use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor};
+use impasto_kernels::HashGridSpec;
+use rand::RngExt;
 use rand_pcg::Pcg64;
 
-/// Size of a canvas's first entries: noise at all its scales, from which `app` can make strokes
-/// before the canvas itself has learned any.
+/// Size of a canvas's first entries at its coarsest level: noise at all its scales, from which `app`
+/// can make strokes before the canvas itself has learned any. It falls with the root of the size of
+/// cells: few patches reach a fine one, and what they leave would be grain.
 const FIRST_PAINT: f32 = 0.5;
 
 /// Weights of the canvas encoding in both volumes.
@@ -47,8 +50,8 @@ impl Appearance {
         let mut app = |width| kaiming(config.network(width).layers(), rng, device);
         let [inner, outer] = [app(features[0]), app(features[1])];
         let canvas = config.shading.canvas().map(|grid| CanvasWeights {
-            inner: hash_table(grid, FIRST_PAINT, rng, device),
-            outer: hash_table(grid, FIRST_PAINT, rng, device),
+            inner: first_paint(grid, rng, device),
+            outer: first_paint(grid, rng, device),
         });
         Self {
             config,
@@ -74,6 +77,16 @@ impl Appearance {
             config,
         }
     }
+}
+
+/// A canvas before it has learned anything.
+fn first_paint(grid: &HashGridSpec, rng: &mut Pcg64, device: &Device) -> Tensor<1> {
+    let levels = (0..grid.levels).flat_map(|level| {
+        let size = FIRST_PAINT * (grid.coarsest / grid.resolution(level)).sqrt();
+        std::iter::repeat_n(size, grid.level_params())
+    });
+    let entries = levels.map(|size| rng.random_range(-size..size));
+    vector(entries.collect(), device)
 }
 
 impl Parameters for CanvasWeights {

@@ -21,7 +21,7 @@ pub use hypernetwork::{Hypernetwork, HypernetworkWeights};
 pub use losses::StyleReduction;
 pub use network::Network;
 pub use patch::{Patch, PatchSampler, PatchStrides};
-pub use perceptual::{Features, Perceptual, Statistics};
+pub use perceptual::{Features, Perceptual, STROKE_DIRECTIONS, Statistics, stroke_directions};
 pub use picture::{picture, recolour, square_crop};
 pub use tensors::{TensorFile, write_f16};
 pub use vae::{StyleCode, StyleInput, StyleVae};

@@ -8,6 +8,7 @@ use impasto_kernels::{ConvLayer, FeatureMap, PerceptualStack, ops};
 use std::sync::Arc;
 
 pub(crate) const VGG16_FILE: &str = "vgg16_conv1_1_to_conv4_1_f16.safetensors";
+const DIRECTIONS_FILE: &str = "vgg16_stroke_directions_f16.safetensors";
 pub(crate) const MEANS_FILE: &str = "vgg16_mean_activations_f16.safetensors";
 /// The shipped filters, see `assets/ATTRIBUTION.md`.
 pub(crate) static VGG16: [u8; 5_832_976] =
@@ -15,6 +16,14 @@ pub(crate) static VGG16: [u8; 5_832_976] =
 /// Mean activation of every filter, made by `examples/measure_activations.rs`.
 pub(crate) static MEANS: [u8; 3_864] =
     *include_bytes!("../../../assets/vgg16_mean_activations_f16.safetensors");
+
+/// Directions that most of the features of relu3_1 and of relu4_1 lie along, made by
+/// `impasto-eval`'s `examples/stroke_directions.rs`.
+static DIRECTIONS: [u8; 196_760] =
+    *include_bytes!("../../../assets/vgg16_stroke_directions_f16.safetensors");
+
+/// How many of those directions there are at each of the two layers.
+pub const STROKE_DIRECTIONS: usize = 128;
 
 /// Layer, whether a pool comes before it, whether its statistics are part of a style.
 const LAYERS: [(&str, bool, bool); 8] = [
@@ -196,6 +205,28 @@ impl Perceptual {
         Ok(layers.map(|(a, b)| direction_difference(&a, &b)).sum())
     }
 
+    /// What the filters of relu1_1, relu2_1, relu3_1 and relu4_1 see in an image, `height × width ×
+    /// 3` in `[0, 1]`.
+    ///
+    /// # Errors
+    /// If a side has fewer than 8 pixels (VGG-19: 9).
+    pub fn maps(
+        &self,
+        image: &[f32],
+        height: usize,
+        width: usize,
+    ) -> Result<[FeatureMap; 4], StyleError> {
+        self.check(image, height, width)?;
+        let maps: Vec<FeatureMap> = self
+            .stack
+            .forward(image, height, width)
+            .1
+            .features()
+            .collect();
+        let maps = maps.try_into();
+        Ok(maps.unwrap_or_else(|_| unreachable!("four layers have statistics")))
+    }
+
     fn check(&self, image: &[f32], height: usize, width: usize) -> Result<(), StyleError> {
         // Of an image of another length than it says nothing can be seen.
         let whole = image.len() == height * width * 3;
@@ -225,6 +256,18 @@ impl Perceptual {
     pub fn traced(&self, image: Tensor<3>) -> Tensor<1> {
         ops::perceptual(image, Arc::clone(&self.stack))
     }
+}
+
+/// The fixed directions along which features of rank-matched grey pictures vary most, at relu3_1 and
+/// at relu4_1 of the shipped network: orthonormal rows, [`STROKE_DIRECTIONS`] of them, of as many
+/// numbers as the layer has channels.
+///
+/// # Errors
+/// If the asset is damaged.
+pub fn stroke_directions() -> Result<[Vec<f32>; 2], StyleError> {
+    let file = TensorFile::open(DIRECTIONS_FILE, &DIRECTIONS)?;
+    let of = |name, channels| file.floats_of(name, STROKE_DIRECTIONS * channels);
+    Ok([of("conv3_1", 256)?, of("conv4_1", 512)?])
 }
 
 /// Refuses images in which a convolution of the stack would see nothing.

@@ -161,7 +161,8 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     let (_dir, scene) = capture(2);
     let file = reconstruct(&scene, config, 120);
     let (vgg, vae) = (Perceptual::vgg16().unwrap(), StyleVae::shipped().unwrap());
-    let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), 160, 160);
+    let side = config.style.pictures.side;
+    let painting = paint(&Recipe::nth_of(Family::ALL[1], 5), side, side);
     let styles = StyleSet::of_pictures(
         &vgg,
         &[painting],

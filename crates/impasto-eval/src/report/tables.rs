@@ -113,7 +113,7 @@ const MEASURES: [Column<OfConsistency>; 5] = [
 const VGG: &str = "VGG";
 
 /// What consistency is worth nothing without.
-const GUARDS: [Column<OfResult>; 4] = [
+const GUARDS: [Column<OfResult>; 6] = [
     (
         "Style gain",
         "share of the style distance that stylising removed",
@@ -123,6 +123,20 @@ const GUARDS: [Column<OfResult>; 4] = [
         "Retrieval",
         "views nearest to their own painting",
         |result| share(result.fidelity.retrieval),
+    ),
+    (
+        "Stroke score",
+        "how much nearer to the painting's strokes than a cheat by colour or grain; 1 is another \
+         piece of the painting",
+        |result| number(result.strokes.map(|s| s.stroke_score), 3),
+    ),
+    (
+        "Stroke retrieval",
+        "paintings whose own render of a view has the nearest strokes of all",
+        |result| {
+            let found = result.strokes.map(|s| s.stroke_retrieval);
+            share(found.unwrap_or(f64::NAN))
+        },
     ),
     (
         "Content",

@@ -43,14 +43,16 @@ pub(crate) fn reconstructed(
 ) -> Result<NamedResult, EvalError> {
     let name = format!("{}{RECONSTRUCTED}", stylizer.name());
     let paintings = evaluator.paintings.iter().take(how.paintings);
+    let mut strokes = Vec::new();
     let results = paintings.enumerate().map(|(i, (_, painting))| {
         let transfer = stylizer.transfer(painting);
         let painted = photos.par_iter().map(&transfer).collect();
         let place = refit(evaluator.model, painted, how.budget);
         let place = place.ok_or(EvalError::NoTrainingViews)?;
         let [views, frames] = evaluator.render(&place, &[&place.photo_appearance()]);
+        strokes.push(evaluator.strokes.strokes(&views[0])?);
         Ok(evaluator.measure(&name, i, &views[0], &frames[0])?)
     });
     let results = results.collect::<Result<_, EvalError>>()?;
-    Ok(evaluator.result(&name, results))
+    Ok(evaluator.result(&name, results, &strokes))
 }

@@ -40,9 +40,10 @@ settings! {
         pub final_rate: f32 where |v| usable(*v) => "finite, not negative",
         /// Weight of the distortion measure (Barron et al. 2022), against floaters.
         pub distortion: f32 where |v| usable(*v) => "finite, not negative",
-        /// Distance from a camera, scene units, from which on its rays teach the field all that they
-        /// see; nearer, less (Philip & Deschaintre 2023), against specks before the lens. 0: everywhere.
-        pub learned_from: f32 where |v| usable(*v) => "finite, not negative",
+        /// Distance from a camera, as a share of the typical depth of surfaces, from which on its rays
+        /// teach the field all that they see; nearer, less (Philip & Deschaintre 2023), against specks
+        /// before the lens. 0: everywhere.
+        pub learned_from: f32 where |v| share(v) => "0 to 1",
         /// Weight of the distance to known sparse points, at the start; fades with the rates.
         pub surface: f32 where |v| usable(*v) => "finite, not negative",
         /// Share of a step's rays that go through sparse points.

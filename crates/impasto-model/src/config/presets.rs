@@ -1,8 +1,8 @@
 //! The presets.
 
 use crate::config::{
-    CalibrationConfig, ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, STYLE_SIDE,
-    StyleConfig, TrainConfig,
+    CalibrationConfig, ContentTarget, GeometryConfig, MOST_PATCH_RAYS, PictureConfig, StyleConfig,
+    TrainConfig,
 };
 use impasto_field::{
     AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig, Shading,
@@ -66,7 +66,7 @@ impl TrainConfig {
                 network_rate: 1.2e-2,
                 final_rate: 0.02,
                 distortion: 3e-3,
-                learned_from: 1.0,
+                learned_from: 0.5,
                 surface: 0.1,
                 surface_share: 0.1,
                 grid_every: 16,
@@ -79,11 +79,11 @@ impl TrainConfig {
             style: StyleConfig {
                 shading: Shading::Surface {
                     canvas: Some(HashGridSpec {
-                        levels: 5,
+                        levels: 6,
                         features: 4,
                         log2_entries: 16,
                         coarsest: 24.0,
-                        finest: 256.0,
+                        finest: 640.0,
                     }),
                 },
                 perceptual: Network::Vgg16,
@@ -94,16 +94,17 @@ impl TrainConfig {
                 content_weight: 1.0,
                 content_target: ContentTarget::Render,
                 photo_weight: 0.0,
-                smoothness_weight: 300.0,
+                // What views agree by; more of it takes the strokes away (300 left blotches).
+                smoothness_weight: 50.0,
                 palette_share: 0.12,
                 palette_rate: 1e-3,
                 rate: 1e-3,
                 canvas_rate: 1e-2,
                 lr_warmup_steps: 200,
                 final_rate: 0.1,
-                patch: [67, 81],
-                strides: PatchStrides::Scale([0.8, 1.4]),
-                supersampling: 2,
+                patch: [72, 96],
+                strides: PatchStrides::Scale([0.9, 1.3]),
+                supersampling: 1,
                 patch_uses: 32,
                 pool: 64,
                 least_weight: 5e-3,
@@ -119,7 +120,8 @@ impl TrainConfig {
                 // are.
                 color_transfer_strength: 0.7,
                 pictures: PictureConfig {
-                    side: STYLE_SIDE,
+                    // At 160 pixels most strokes are one to three pixels wide and look like grain.
+                    side: 256,
                     least_crop: 0.5,
                     recoloured: 0.5,
                     windowed: true,

@@ -5,6 +5,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::distance::typical_depth;
 use super::neighbours::Seen;
 use crate::camera::Camera;
 use crate::paths::camera_geometry::CameraGeometry;
@@ -77,16 +78,6 @@ fn places(camera: &Camera) -> impl Iterator<Item = DVec2> + use<> {
     (0..PLACES * PLACES).map(move |i| size * DVec2::new(at(i % PLACES), at(i / PLACES)))
 }
 
-/// How far away a photo's sparse points are, or what all cameras look at.
-fn typical_depth(scene: &Scene, camera: &Camera, seen: &Seen, geometry: &CameraGeometry) -> f64 {
-    let known = seen.iter().filter_map(|(point, _)| {
-        let (_, depth) = camera.project(scene.points[*point].position)?;
-        Some(depth)
-    });
-    let aimed = || geometry.target.distance(camera.centre());
-    median(known).unwrap_or_else(aimed)
-}
-
 /// Cameras that see the place at a depth behind a pixel of one of them, from about there.
 fn witnesses(camera: &Camera, pixel: DVec2, depth: f64, all: &[(usize, &Camera)]) -> usize {
     let ray = camera.ray(pixel.x, pixel.y);
@@ -112,8 +103,9 @@ mod tests {
     use super::*;
     use crate::camera::Intrinsics;
     use crate::format::Format;
+    use crate::inspect::surface_distance;
     use crate::normalise::Normalisation;
-    use crate::scene::Photo;
+    use crate::scene::{Observation, Photo, SparsePoint};
 
     fn scene(cameras: &[(f64, f64)]) -> Scene {
         let photos = cameras.iter().enumerate().map(|(i, (x, yaw))| Photo {
@@ -175,5 +167,31 @@ mod tests {
         let alone = found(&cameras);
         assert_eq!((alone.median, alone.worst_tenth), (7, 1));
         assert_eq!(alone.least, ["7.png"]);
+    }
+
+    #[test]
+    fn surfaces_are_where_cameras_aim_or_where_points_are() {
+        let cameras: Vec<(f64, f64)> = (0..7)
+            .map(|i| {
+                let x = 0.05 * f64::from(i) - 0.15;
+                (x, (-x).atan2(2.0))
+            })
+            .collect();
+        let mut scene = scene(&cameras);
+        let aimed = surface_distance(&scene);
+        // Drawn a little towards the cameras, as their common target is.
+        assert!((aimed - 2.0).abs() < 0.15, "{aimed}");
+        let seen = |photo| Observation {
+            photo,
+            pixel: DVec2::splat(20.0),
+        };
+        scene.points = vec![SparsePoint {
+            position: DVec3::new(0.0, 0.0, 3.0),
+            colour: [0; 3],
+            seen_by: (0..7).map(seen).collect(),
+            error: 0.5,
+        }];
+        let known = surface_distance(&scene);
+        assert!((known - 3.0).abs() < 0.02, "{known}");
     }
 }

@@ -2,6 +2,7 @@
 
 mod compare;
 mod coverage;
+mod distance;
 mod facts;
 mod layout;
 mod neighbours;
@@ -14,6 +15,7 @@ use crate::camera::Camera;
 use crate::paths::camera_geometry::CameraGeometry;
 use crate::scene::Scene;
 pub use coverage::Coverage;
+pub use distance::surface_distance;
 pub use facts::PhotoFacts;
 pub use layout::{CameraLayout, CapturePattern, LensUse};
 use problems::Measurements;

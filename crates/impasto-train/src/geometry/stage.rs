@@ -14,6 +14,7 @@ use impasto_kernels::{DensityGrid, Sparse};
 use impasto_model::config::GeometryConfig;
 use impasto_model::tensors::{Entry, TensorReader};
 use impasto_model::{Clock, ModelFile, TrainConfig};
+use impasto_scene::inspect::surface_distance;
 use impasto_scene::{Camera, Photo, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -29,6 +30,8 @@ pub struct GeometryStage {
     photos: Vec<PhotoRays>,
     calibration: Option<Calibration>,
     surfaces: Vec<KnownSurface>,
+    /// Distance from a camera, scene units, from which on its rays teach all that they see.
+    learned_from: f32,
     /// The field, after the first field of a cascade.
     levels: Vec<Adam<RadianceField>>,
     readback: ReadbackSchedule,
@@ -72,6 +75,7 @@ impl GeometryStage {
         let photos: Vec<&Photo> = scene.train().map(|(_, photo)| photo).collect();
         let mut stage = Self::of_photos(&photos, config, seed, device);
         stage.surfaces = known_surfaces(scene);
+        stage.learned_from = config.geometry.learned_from * surface_distance(scene) as f32;
         stage
     }
 
@@ -93,7 +97,7 @@ impl GeometryStage {
         // The pictures are new, but their cameras are known and their colours meant; and what the
         // model has learned keeps specks away.
         stage.calibration = None;
-        (stage.config.learned_from, stage.config.grid_decay) = (0.0, 0.0);
+        stage.config.grid_decay = 0.0;
         // All colours may have to change, in what is often a short time.
         stage.config.final_rate = stage.config.final_rate.max(REFIT_FINAL_RATE);
         stage
@@ -134,6 +138,7 @@ impl GeometryStage {
                 .map(|c| Calibration::new(c, photos.len())),
             photos: photo_rays(photos.iter().copied()),
             surfaces: Vec::new(),
+            learned_from: 0.0,
             readback: ReadbackSchedule::new(),
             error: f64::NAN,
             rng,
@@ -299,7 +304,7 @@ impl GeometryStage {
         LossWeights {
             // Too early, the distortion measure freezes whatever haze there is.
             distortion: self.config.distortion * (progress * 10.0).min(1.0),
-            learned_from: self.config.learned_from,
+            learned_from: self.learned_from,
             // Of the rays that have a surface, not of all.
             surface: self.config.surface * fading(progress) * all / known,
         }

@@ -377,6 +377,7 @@ mod tests {
         (spec.inner_grid, spec.outer_grid) = (8, 8);
         let grids = OccupancyGrids::uniform(spec, 1.0);
         config.style.patch = patch;
+        config.style.supersampling = 2;
         config.style.patch_uses = 3;
         config.style.pool = 2;
         let field = Field::new(config.field.clone());

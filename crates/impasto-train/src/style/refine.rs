@@ -7,9 +7,9 @@ use crate::readback::ReadbackSchedule;
 use crate::style::chunks::loss_of;
 use crate::style::objective::Objective;
 use crate::style::patches::PatchPool;
-use burn::tensor::Tensor;
 use image::RgbImage;
 use impasto_field::{Appearance, Field, Parameters, Renderer, host};
+use impasto_kernels::Sparse;
 use impasto_model::config::{ContentTarget, StyleConfig};
 use impasto_model::{Budget, Clock, Model, StyleEmbedding, StyledAppearance, square_statistics};
 use impasto_scene::Split;
@@ -18,8 +18,10 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
 /// Brings appearances closer to their paintings than hypernetworks do that have to know all of them: from
-/// the weights W^app that these predict, those weights alone go on learning, by the style stage's
-/// losses on patches of the training views and of views between them.
+/// the weights W^app that these predict and from everybody's canvas, both go on learning for one
+/// painting alone, by the style stage's losses on patches of the training views and of views between
+/// them. A canvas of its own is what a painting's own strokes need: `app` can only choose among those
+/// that are there.
 ///
 /// Not part of the paper, whose appearances are predicted only: what this gains is the price of painting
 /// any picture at once, and it costs seconds for each.
@@ -31,9 +33,10 @@ pub struct Refinement<'a> {
     rng: Pcg64,
 }
 
-/// Learning rate of W^app: an order of magnitude above the hypernetworks', since few updates
-/// remain.
-const RATE: f32 = 1e-2;
+/// Learning rate of W^app: several times the hypernetworks', since few updates remain.
+const APP_RATE: f32 = 4e-3;
+/// Learning rate of the canvas.
+const CANVAS_RATE: f32 = 2e-2;
 /// Updates over which the rate rises: Adam's first steps are as long as any.
 const WARM_UP: f32 = 20.0;
 
@@ -50,10 +53,12 @@ impl<'a> Refinement<'a> {
         }
         let photos = cameras.into_iter();
         let photos = photos.map(|camera| PhotoRays::new(camera, Vec::new(), None, None));
-        // A model holds no photos to compare with.
+        // A model holds no photos to compare with. What smoothness costs is strokes, which are what
+        // is asked for here.
         let settings = StyleConfig {
             content_target: ContentTarget::Render,
             photo_weight: 0.0,
+            smoothness_weight: 0.0,
             ..file.config.style.clone()
         };
         let apps = [
@@ -116,7 +121,7 @@ impl<'a> Refinement<'a> {
         Ok(mean)
     }
 
-    /// The appearance after gradient descent on its weights; a canvas is everybody's and stays.
+    /// The appearance after gradient descent on its weights and on its canvas.
     fn descended(
         &mut self,
         first: &Appearance,
@@ -124,11 +129,7 @@ impl<'a> Refinement<'a> {
         budget: Budget,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Appearance, StyleError> {
-        let mut params = Adam::new(&AppWeights(first.clone()));
-        let canvas = first
-            .canvas
-            .as_ref()
-            .map(|c| c.map(|_, t| Tensor::from_inner(t.clone())));
+        let mut params = Adam::new(first);
         let (mut clock, mut readback) = (Clock::start(budget), ReadbackSchedule::new());
         while !clock.is_over() {
             let patch = self.patches.draw(&self.vgg, &mut self.rng)?;
@@ -136,14 +137,13 @@ impl<'a> Refinement<'a> {
             let Some(parts) = patch.levels.last() else {
                 break;
             };
-            let mut leaves = params.leaves();
-            leaves.0.canvas = canvas.clone();
+            let leaves = params.leaves();
             let objective = Objective {
                 settings: &self.settings,
                 vgg: &self.vgg,
                 patches: &self.patches,
             };
-            let loss = loss_of(parts, &leaves.0, |colours| {
+            let loss = loss_of(parts, &leaves, |colours| {
                 objective.losses(colours, &patch, target, true).total
             });
             let value = loss.clone().inner();
@@ -156,9 +156,13 @@ impl<'a> Refinement<'a> {
             drop(leaves);
             let fade = self.settings.final_rate.powf(clock.progress() as f32);
             let warm = ((clock.steps + 1) as f32 / WARM_UP).min(1.0);
-            params.step(found, |_| Rate {
-                rate: RATE * fade * warm,
-                sparse: None,
+            params.step(found, |name| {
+                let canvas = name.ends_with(".canvas");
+                let rate = if canvas { CANVAS_RATE } else { APP_RATE };
+                Rate {
+                    rate: rate * fade * warm,
+                    sparse: canvas.then_some(Sparse { decay: 0.0 }),
+                }
             });
             clock.steps += 1;
             if readback.due() {
@@ -167,22 +171,6 @@ impl<'a> Refinement<'a> {
             }
             progress(clock.progress());
         }
-        Ok(params.values().0)
-    }
-}
-
-/// W^app of an appearance, without its canvas.
-struct AppWeights(Appearance);
-
-impl Parameters for AppWeights {
-    fn try_map<E>(
-        &self,
-        f: &mut dyn FnMut(&str, &Tensor<1>) -> Result<Tensor<1>, E>,
-    ) -> Result<Self, E> {
-        Ok(Self(Appearance {
-            inner: f("inner.app", &self.0.inner)?,
-            outer: f("outer.app", &self.0.outer)?,
-            ..self.0.clone()
-        }))
+        Ok(params.values())
     }
 }
