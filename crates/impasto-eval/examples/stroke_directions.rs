@@ -4,7 +4,7 @@
 //! `cargo run --release -p impasto-eval --example stroke_directions -- OUT FOLDER…`
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use impasto_eval::strokes::{Luminance, SIDES};
+use impasto_eval::strokes::{Grid, SIDES};
 use impasto_style::{Perceptual, STROKE_DIRECTIONS, square_crop, write_f16};
 use nalgebra::{DMatrix, DVector};
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ fn main() {
         let picture = picture.to_rgb8();
         let side = picture.width().min(picture.height());
         let square = square_crop(&picture, 1.0, (0.5, 0.5), side);
-        let grey = Luminance::of(&square, SIDES[i % SIDES.len()]).rank_matched();
+        let grey = Grid::resampled(&square, SIDES[i % SIDES.len()]).rank_matched();
         let [.., third, fourth] = vgg.maps(&grey.rgb(), grey.height, grey.width).unwrap();
         for ((count, mean, square), map) in sums.iter_mut().zip([third, fourth]) {
             let pixels = map.height * map.width;

@@ -3,12 +3,14 @@
 use image::RgbImage;
 
 /// One value for each pixel.
-#[derive(Debug, Clone)]
-pub(crate) struct Grid<T> {
-    pub(crate) width: usize,
-    pub(crate) height: usize,
-    /// Row by row.
-    pub(crate) values: Vec<T>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid<T> {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `height × width`, row by row.
+    pub values: Vec<T>,
 }
 
 /// The four pixels around a place between pixel indices, first the upper two from left to right, and

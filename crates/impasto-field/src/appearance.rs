@@ -2,11 +2,9 @@
 
 use crate::branch::kaiming;
 use crate::config::AppearanceConfig;
-use crate::encoding::vector;
+use crate::encoding::hash_table;
 use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor};
-use impasto_kernels::HashGridSpec;
-use rand::RngExt;
 use rand_pcg::Pcg64;
 
 /// Size of a canvas's first entries at its coarsest level: noise at all its scales, from which `app`
@@ -49,9 +47,12 @@ impl Appearance {
     ) -> Self {
         let mut app = |width| kaiming(config.network(width).layers(), rng, device);
         let [inner, outer] = [app(features[0]), app(features[1])];
-        let canvas = config.shading.canvas().map(|grid| CanvasWeights {
-            inner: first_paint(grid, rng, device),
-            outer: first_paint(grid, rng, device),
+        let canvas = config.shading.canvas().map(|grid| {
+            let size = |level| FIRST_PAINT * (grid.coarsest / grid.resolution(level)).sqrt();
+            CanvasWeights {
+                inner: hash_table(grid, size, rng, device),
+                outer: hash_table(grid, size, rng, device),
+            }
         });
         Self {
             config,
@@ -77,16 +78,6 @@ impl Appearance {
             config,
         }
     }
-}
-
-/// A canvas before it has learned anything.
-fn first_paint(grid: &HashGridSpec, rng: &mut Pcg64, device: &Device) -> Tensor<1> {
-    let levels = (0..grid.levels).flat_map(|level| {
-        let size = FIRST_PAINT * (grid.coarsest / grid.resolution(level)).sqrt();
-        std::iter::repeat_n(size, grid.level_params())
-    });
-    let entries = levels.map(|size| rng.random_range(-size..size));
-    vector(entries.collect(), device)
 }
 
 impl Parameters for CanvasWeights {

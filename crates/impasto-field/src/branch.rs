@@ -72,7 +72,7 @@ impl Branch {
     /// Random weights.
     pub fn init(&self, rng: &mut Pcg64, device: &Device) -> BranchWeights {
         let encoding = match &self.config.encoding {
-            EncodingConfig::HashGrid(grid) => hash_table(grid, FIRST_ENTRIES, rng, device),
+            EncodingConfig::HashGrid(grid) => hash_table(grid, |_| FIRST_ENTRIES, rng, device),
             // Unused, but drawn: every encoding has a vector.
             EncodingConfig::Frequency { .. } => vector(
                 vec![rng.random_range(-FIRST_ENTRIES..FIRST_ENTRIES)],

@@ -88,14 +88,16 @@ pub struct Positions<'a> {
     pub cube: &'a [f32],
 }
 
-/// A hash table with entries uniform in ±`size`.
+/// A hash table with entries uniform in ± the size that `size` says of a level.
 pub(crate) fn hash_table(
     grid: &HashGridSpec,
-    size: f32,
+    size: impl Fn(usize) -> f32,
     rng: &mut Pcg64,
     device: &Device,
 ) -> Tensor<1> {
-    let entries = (0..grid.params()).map(|_| rng.random_range(-size..size));
+    let sizes =
+        (0..grid.levels).flat_map(|level| std::iter::repeat_n(size(level), grid.level_params()));
+    let entries = sizes.map(|size| rng.random_range(-size..size));
     vector(entries.collect(), device)
 }
 

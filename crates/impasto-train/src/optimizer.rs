@@ -14,6 +14,17 @@ pub(crate) struct Rate {
     pub(crate) sparse: Option<Sparse>,
 }
 
+impl Rate {
+    /// That of a parameter of looks: of a canvas, or of everything else.
+    pub(crate) fn of_look(name: &str, canvas: f32, other: f32) -> Self {
+        let sparse = name.ends_with(".canvas");
+        Self {
+            rate: if sparse { canvas } else { other },
+            sparse: sparse.then_some(Sparse { decay: 0.0 }),
+        }
+    }
+}
+
 /// A set of parameters in training.
 pub(crate) struct Adam<P> {
     /// The set without its numbers: only Adam may hold those, or it could not work in place.

@@ -1,5 +1,6 @@
 //! Pictures without what colour and contrast say.
 
+use crate::grid::Grid;
 use crate::resize::scaled;
 use image::RgbImage;
 use image::imageops::FilterType;
@@ -11,32 +12,12 @@ const SPREAD: f64 = 0.22;
 const STEPS: usize = 4096;
 const REACH: f64 = 4.0;
 
-/// A grey picture.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Luminance {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// `height × width`, in `[0, 1]` for a picture.
-    pub values: Vec<f32>,
-}
-
-impl Luminance {
-    /// That of a picture whose shorter side is resampled to `side` pixels (Rec. 601).
-    pub fn of(picture: &RgbImage, side: u32) -> Self {
+impl Grid<f32> {
+    /// Brightness of a picture whose shorter side is resampled to `side` pixels.
+    pub fn resampled(picture: &RgbImage, side: u32) -> Self {
         let (width, height) = picture.dimensions();
         let scale = f64::from(side) / f64::from(width.min(height));
-        let picture = scaled(picture, scale, FilterType::Triangle);
-        let grey = picture.pixels().map(|pixel| {
-            let [r, g, b] = pixel.0.map(|v| f32::from(v) / 255.0);
-            0.299 * r + 0.587 * g + 0.114 * b
-        });
-        Self {
-            width: picture.width() as usize,
-            height: picture.height() as usize,
-            values: grey.collect(),
-        }
+        Self::brightness(&scaled(picture, scale, FilterType::Triangle))
     }
 
     /// The same picture with the one histogram that all get: normal, 0.5 ± 0.22, cut to `[0, 1]`.
@@ -127,13 +108,13 @@ mod tests {
         let values: Vec<f32> = (0..40 * 30)
             .map(|i| (i * 37 % 101) as f32 / 200.0)
             .collect();
-        let picture = Luminance {
+        let picture = Grid {
             width: 40,
             height: 30,
             values,
         };
         let matched = picture.rank_matched();
-        let curved = Luminance {
+        let curved = Grid {
             values: picture.values.iter().map(|v| 0.3 + v * v).collect(),
             ..picture
         };
@@ -147,7 +128,7 @@ mod tests {
             .sum::<f32>()
             / count;
         assert!((mean - 0.5).abs() < 5e-3 && (square.sqrt() - 0.22).abs() < 5e-3);
-        let flat = Luminance {
+        let flat = Grid {
             values: vec![0.9; 12],
             width: 4,
             height: 3,

@@ -17,10 +17,11 @@ mod gaussian;
 mod luminance;
 mod scrambled;
 
+pub use crate::grid::Grid;
+
 use gaussian::FeatureGaussian;
 use image::RgbImage;
-use impasto_style::{Perceptual, StyleError, square_crop, stroke_directions};
-pub use luminance::Luminance;
+use impasto_style::{Perceptual, STROKE_DIRECTIONS, StyleError, square_crop, stroke_directions};
 use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -48,17 +49,22 @@ pub struct StrokeResult {
     pub stroke_retrieval: f64,
 }
 
-/// A picture at all sizes: layer by layer.
-type Sized<T> = [[T; LAYERS]; SIDES.len()];
+/// Something for each size and layer.
+type BySize<T> = [[T; LAYERS]; SIDES.len()];
 
-/// What is seen of a render's strokes.
-pub(crate) struct Strokes(Box<Sized<FeatureGaussian>>);
+/// What is seen of a picture's strokes.
+pub(crate) struct Strokes(Box<BySize<FeatureGaussian>>);
+
+/// A picture's strokes that others are compared with.
+struct Reference {
+    strokes: Strokes,
+    /// Roots of their covariances.
+    roots: BySize<DMatrix<f32>>,
+}
 
 /// A painting's strokes, and how near one can come to them.
 struct StrokeTarget {
-    features: Sized<FeatureGaussian>,
-    /// Roots of their covariances.
-    roots: Sized<DMatrix<f32>>,
+    painting: Reference,
     /// By size, between two of its crops.
     own: [f64; SIDES.len()],
     /// By view and size, of the nearest cheat.
@@ -95,20 +101,27 @@ impl StrokeMetric {
     ) -> Result<Self, StyleError> {
         let network = StrokeNetwork::new(vgg, sides)?;
         let views = chosen(plain.len());
-        let unpainted = views.iter().map(|view| network.strokes(&plain[*view]));
-        let unpainted: Vec<Strokes> = unpainted.collect::<Result<_, _>>()?;
+        let unpainted: Vec<_> = views.iter().map(|i| network.grey(&plain[*i])).collect();
+        let photos = unpainted.iter().map(|grey| network.strokes_of(grey));
+        let photos: Vec<Strokes> = photos.collect::<Result<_, _>>()?;
         let mut targets = Vec::with_capacity(paintings.len());
-        for (i, (_, painting)) in paintings.iter().enumerate() {
+        let mut rng = Pcg64::seed_from_u64(0);
+        for (_, painting) in paintings {
             let mut target = network.target(painting)?;
-            let mut rng = Pcg64::seed_from_u64(i as u64);
-            for (view, plain_strokes) in views.iter().zip(&unpainted) {
-                let scrambled = network.cheats(painting, &plain[*view], &mut rng)?;
-                let all = scrambled.iter().chain([plain_strokes]);
-                let distances: Vec<_> = all.map(|cheat| target.distances(cheat)).collect();
-                target.cheat.push(std::array::from_fn(|size| {
-                    let all = distances.iter().map(|d| d[size]);
-                    all.fold(f64::INFINITY, f64::min)
-                }));
+            let whole = network.grey(painting);
+            let texture = whole
+                .each_ref()
+                .map(|grey| scrambled_detail(grey, &mut rng));
+            for (grey, photo) in unpainted.iter().zip(&photos) {
+                let mut nearest = target.painting.distances(photo);
+                for strength in CHEATS {
+                    let cheat = std::array::from_fn(|size| {
+                        with_texture(&grey[size], &texture[size], strength).rank_matched()
+                    });
+                    let found = target.painting.distances(&network.strokes_of(&cheat)?);
+                    nearest = std::array::from_fn(|size| nearest[size].min(found[size]));
+                }
+                target.cheat.push(nearest);
                 tick();
             }
             targets.push(target);
@@ -128,7 +141,8 @@ impl StrokeMetric {
     /// What is seen of one painting's renders, of all views.
     pub(crate) fn strokes(&self, views: &[RgbImage]) -> Result<Vec<Strokes>, StyleError> {
         let chosen = self.views.iter().filter_map(|view| views.get(*view));
-        chosen.map(|view| self.network.strokes(view)).collect()
+        let strokes = chosen.map(|view| self.network.strokes_of(&self.network.grey(view)));
+        strokes.collect()
     }
 
     /// Of all paintings together, then painting by painting; by the renders of each, as
@@ -145,7 +159,7 @@ impl StrokeMetric {
         let target = &self.targets[painting];
         let mut tally = Tally::default();
         for (view, (own, cheat)) in renders[painting].iter().zip(&target.cheat).enumerate() {
-            let found = target.distances(own);
+            let found = target.painting.distances(own);
             for size in 0..SIDES.len() {
                 let room = cheat[size] - target.own[size];
                 if room > 0.0 {
@@ -157,7 +171,7 @@ impl StrokeMetric {
             let others = renders.iter().enumerate().filter(|(i, _)| *i != painting);
             let nearer = others
                 .filter_map(|(_, views)| views.get(view))
-                .any(|other| target.distances(other).iter().sum::<f64>() <= distance);
+                .any(|other| target.painting.distances(other).iter().sum::<f64>() <= distance);
             tally.retrieved += f64::from(u8::from(!nearer));
             tally.views += 1.0;
         }
@@ -198,16 +212,21 @@ fn chosen(views: usize) -> Vec<usize> {
         .collect()
 }
 
-impl StrokeTarget {
-    /// By size, how far a render's strokes are from the painting's.
+impl Reference {
+    fn new(strokes: Strokes) -> Self {
+        let layers = strokes.0.each_ref();
+        let roots = layers.map(|layers| layers.each_ref().map(FeatureGaussian::root));
+        Self { strokes, roots }
+    }
+
+    /// By size, how far another picture's strokes are from these.
     fn distances(&self, other: &Strokes) -> [f64; SIDES.len()] {
         std::array::from_fn(|size| {
-            let layers = 0..LAYERS;
-            let each = layers.map(|layer| {
-                let root = &self.roots[size][layer];
-                self.features[size][layer].distance(root, &other.0[size][layer])
-            });
-            each.sum()
+            let own = self.strokes.0[size].iter().zip(&self.roots[size]);
+            let pairs = own.zip(&other.0[size]);
+            pairs
+                .map(|((own, root), other)| own.distance(root, other))
+                .sum()
         })
     }
 }
@@ -222,9 +241,8 @@ struct StrokeNetwork {
 impl StrokeNetwork {
     fn new(vgg: &Perceptual, sides: [u32; SIDES.len()]) -> Result<Self, StyleError> {
         let [third, fourth] = stroke_directions()?.map(|rows| {
-            let channels = rows.len() / impasto_style::STROKE_DIRECTIONS;
-            let shape = (impasto_style::STROKE_DIRECTIONS, channels);
-            Some(DMatrix::from_row_slice(shape.0, shape.1, &rows))
+            let channels = rows.len() / STROKE_DIRECTIONS;
+            Some(DMatrix::from_row_slice(STROKE_DIRECTIONS, channels, &rows))
         });
         Ok(Self {
             vgg: vgg.clone(),
@@ -233,86 +251,46 @@ impl StrokeNetwork {
         })
     }
 
-    /// One picture at one size.
-    fn features(&self, picture: &Luminance) -> Result<[FeatureGaussian; LAYERS], StyleError> {
-        let maps = self
-            .vgg
-            .maps(&picture.rgb(), picture.height, picture.width)?;
-        let [_, second, third, fourth] = &maps;
-        let [a, b, c] = [second, third, fourth];
-        let [p, q, r] = &self.directions;
-        Ok([(a, p), (b, q), (c, r)]
-            .map(|(map, directions)| FeatureGaussian::of(map, directions.as_ref())))
+    /// A picture at all sizes, of one histogram.
+    fn grey(&self, picture: &RgbImage) -> [Grid<f32>; SIDES.len()] {
+        let at = |side| Grid::resampled(picture, side).rank_matched();
+        self.sides.map(at)
     }
 
-    /// A picture at all sizes, as `of` makes it.
-    fn at_sizes(
-        &self,
-        mut of: impl FnMut(u32) -> Luminance,
-    ) -> Result<Sized<FeatureGaussian>, StyleError> {
-        let [a, b, c] = self
-            .sides
-            .map(|side| self.features(&of(side).rank_matched()));
-        Ok([a?, b?, c?])
+    /// What is seen of such a picture.
+    fn strokes_of(&self, grey: &[Grid<f32>; SIDES.len()]) -> Result<Strokes, StyleError> {
+        let [a, b, c] = grey.each_ref().map(|grey| self.features(grey));
+        Ok(Strokes(Box::new([a?, b?, c?])))
     }
 
-    fn strokes(&self, view: &RgbImage) -> Result<Strokes, StyleError> {
-        let features = self.at_sizes(|side| Luminance::of(view, side))?;
-        Ok(Strokes(Box::new(features)))
+    /// What is seen of it at one size.
+    fn features(&self, grey: &Grid<f32>) -> Result<[FeatureGaussian; LAYERS], StyleError> {
+        let maps = self.vgg.maps(&grey.rgb(), grey.height, grey.width)?;
+        Ok(std::array::from_fn(|layer| {
+            let directions = self.directions[layer].as_ref();
+            FeatureGaussian::of(&maps[layer + 1], directions)
+        }))
     }
 
     /// A painting's middle square, and two of its corners.
     fn target(&self, painting: &RgbImage) -> Result<StrokeTarget, StyleError> {
         let side = painting.width().min(painting.height());
         let square = square_crop(painting, 1.0, (0.5, 0.5), side);
-        let features = self.at_sizes(|side| Luminance::of(&square, side))?;
         let corner = |last: bool| {
-            self.at_sizes(|side| {
-                let whole = Luminance::of(painting, side);
+            let grey = self.sides.map(|side| {
+                let whole = Grid::resampled(painting, side);
                 let size = [whole.width, whole.height];
                 let part = size.map(|length| (CROP * length as f64) as usize);
                 let place = [0, 1].map(|i| if last { size[i] - part[i] } else { 0 });
-                whole.crop(place, part)
-            })
+                whole.crop(place, part).rank_matched()
+            });
+            self.strokes_of(&grey)
         };
-        let (first, last) = (corner(false)?, corner(true)?);
-        let own = std::array::from_fn(|size| {
-            let layers = first[size].iter().zip(&last[size]);
-            layers.map(|(a, b)| a.distance(&a.root(), b)).sum()
-        });
-        let roots = features
-            .each_ref()
-            .map(|layers| layers.each_ref().map(FeatureGaussian::root));
         Ok(StrokeTarget {
-            features,
-            roots,
-            own,
+            painting: Reference::new(self.strokes_of(&self.grey(&square))?),
+            own: Reference::new(corner(false)?).distances(&corner(true)?),
             cheat: Vec::new(),
         })
-    }
-
-    /// A view under scrambled detail of a painting.
-    fn cheats(
-        &self,
-        painting: &RgbImage,
-        view: &RgbImage,
-        rng: &mut Pcg64,
-    ) -> Result<Vec<Strokes>, StyleError> {
-        let textures = self
-            .sides
-            .map(|side| scrambled_detail(&Luminance::of(painting, side).rank_matched(), rng));
-        let cheat = |strength: &f32| {
-            let mut textures = textures.iter();
-            let features = self.at_sizes(|side| {
-                let plain = Luminance::of(view, side).rank_matched();
-                match textures.next() {
-                    Some(texture) => with_texture(&plain, texture, *strength),
-                    None => plain,
-                }
-            })?;
-            Ok(Strokes(Box::new(features)))
-        };
-        CHEATS.iter().map(cheat).collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Detail without structure.
 
-use super::luminance::Luminance;
+use crate::grid::Grid;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -12,7 +12,7 @@ const COARSE: f32 = 1.0 / 16.0;
 /// A picture's detail with its phases scrambled: its spectrum, and none of its structure. A sum of
 /// copies moved and turned to their negative at random, around the edges (Galerne et al. 2011,
 /// "Random Phase Textures": asymptotic discrete spot noise). Repeats without a seam.
-pub(super) fn scrambled_detail(picture: &Luminance, rng: &mut Pcg64) -> Luminance {
+pub(super) fn scrambled_detail(picture: &Grid<f32>, rng: &mut Pcg64) -> Grid<f32> {
     let detail = detail(picture);
     let (width, height) = (picture.width, picture.height);
     let mut values = vec![0.0f32; width * height];
@@ -29,24 +29,24 @@ pub(super) fn scrambled_detail(picture: &Luminance, rng: &mut Pcg64) -> Luminanc
     }
     let size = (COPIES as f32).sqrt().recip();
     values.iter_mut().for_each(|v| *v *= size);
-    Luminance { values, ..*picture }
+    Grid { values, ..*picture }
 }
 
 /// A picture with so much of a repeating texture on it.
-pub(super) fn with_texture(picture: &Luminance, texture: &Luminance, strength: f32) -> Luminance {
+pub(super) fn with_texture(picture: &Grid<f32>, texture: &Grid<f32>, strength: f32) -> Grid<f32> {
     let pixels = picture.values.iter().enumerate().map(|(i, value)| {
         let (x, y) = (i % picture.width, i / picture.width);
         let at = y % texture.height * texture.width + x % texture.width;
         value + strength * texture.values[at]
     });
-    Luminance {
+    Grid {
         values: pixels.collect(),
         ..*picture
     }
 }
 
 /// The picture less its blurred self.
-fn detail(picture: &Luminance) -> Vec<f32> {
+fn detail(picture: &Grid<f32>) -> Vec<f32> {
     let side = picture.width.min(picture.height) as f32;
     let reach = ((COARSE * side).round() as usize).max(1);
     let mut soft = picture.clone();
@@ -60,7 +60,7 @@ fn detail(picture: &Luminance) -> Vec<f32> {
 }
 
 /// Mean of the pixels of a row up to `reach` away, as far as there are any.
-fn averaged_rows(picture: &Luminance, reach: usize) -> Luminance {
+fn averaged_rows(picture: &Grid<f32>, reach: usize) -> Grid<f32> {
     let rows = picture.values.chunks_exact(picture.width);
     let averaged = rows.flat_map(|row| {
         let mut sums = vec![0.0f32];
@@ -73,13 +73,13 @@ fn averaged_rows(picture: &Luminance, reach: usize) -> Luminance {
             (sums[to] - sums[from]) / (to - from) as f32
         })
     });
-    Luminance {
+    Grid {
         values: averaged.collect(),
         ..*picture
     }
 }
 
-impl Luminance {
+impl Grid<f32> {
     fn transposed(&self) -> Self {
         let columns = (0..self.width).flat_map(|x| (0..self.height).map(move |y| (x, y)));
         let values = columns.map(|(x, y)| self.values[y * self.width + x]);
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn scrambling_keeps_the_spectrum_and_loses_the_place() {
         // Slanted stripes, eight pixels apart, on a slope.
-        let picture = Luminance {
+        let picture = Grid {
             width: 64,
             height: 48,
             values: (0..64 * 48)

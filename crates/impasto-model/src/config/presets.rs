@@ -102,7 +102,7 @@ impl TrainConfig {
                 canvas_rate: 1e-2,
                 lr_warmup_steps: 200,
                 final_rate: 0.1,
-                patch: [72, 96],
+                patch: [72, 88],
                 strides: PatchStrides::Scale([0.9, 1.3]),
                 supersampling: 1,
                 patch_uses: 32,

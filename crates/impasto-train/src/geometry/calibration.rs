@@ -76,15 +76,20 @@ impl Calibration {
         }
     }
 
-    /// Whether a photo is to be visited before a step: more often while poses are found to be off.
-    pub(crate) fn is_due(&self, step: u64) -> bool {
+    /// Whether a photo is to be visited before a step, with `share` of the training over: more often
+    /// while poses are found to be off. Turns pass while the field knows too little.
+    pub(crate) fn takes_turn(&mut self, step: u64, share: f32) -> bool {
         let every = self.config.every;
         let every = if self.moved {
             every.div_ceil(EAGERNESS)
         } else {
             every
         };
-        step.is_multiple_of(every)
+        let due = step.is_multiple_of(every);
+        if due && share < FROM {
+            self.next += 1;
+        }
+        due && share >= FROM
     }
 
     /// Puts what is known into the photos.
@@ -113,7 +118,7 @@ impl Calibration {
     ) {
         let index = self.next % photos.len().max(1);
         self.next = index + 1;
-        let Some(photo) = photos.get(index).filter(|_| share >= FROM) else {
+        let Some(photo) = photos.get(index) else {
             return;
         };
         let moving = self.config.poses_from.is_some_and(|from| share >= from);

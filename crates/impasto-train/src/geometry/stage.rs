@@ -241,7 +241,8 @@ impl GeometryStage {
     /// Compares a photo with the field, where one is due.
     fn calibrate(&mut self, progress: f32) {
         let (Some(mut calibration), Some(level)) = (
-            self.calibration.take_if(|c| c.is_due(self.step)),
+            self.calibration
+                .take_if(|c| c.takes_turn(self.step, progress)),
             self.levels.last(),
         ) else {
             return;

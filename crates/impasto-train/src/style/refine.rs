@@ -9,7 +9,6 @@ use crate::style::objective::Objective;
 use crate::style::patches::PatchPool;
 use image::RgbImage;
 use impasto_field::{Appearance, Field, Parameters, Renderer, host};
-use impasto_kernels::Sparse;
 use impasto_model::config::{ContentTarget, StyleConfig};
 use impasto_model::{Budget, Clock, Model, StyleEmbedding, StyledAppearance, square_statistics};
 use impasto_scene::Split;
@@ -156,13 +155,9 @@ impl<'a> Refinement<'a> {
             drop(leaves);
             let fade = self.settings.final_rate.powf(clock.progress() as f32);
             let warm = ((clock.steps + 1) as f32 / WARM_UP).min(1.0);
+            let now = fade * warm;
             params.step(found, |name| {
-                let canvas = name.ends_with(".canvas");
-                let rate = if canvas { CANVAS_RATE } else { APP_RATE };
-                Rate {
-                    rate: rate * fade * warm,
-                    sparse: canvas.then_some(Sparse { decay: 0.0 }),
-                }
+                Rate::of_look(name, CANVAS_RATE * now, APP_RATE * now)
             });
             clock.steps += 1;
             if readback.due() {

@@ -184,13 +184,8 @@ impl StyleStage {
         // Adam works in place only on what nobody else holds.
         drop((model, appearances));
         let (hyper, canvas) = self.rates(clock);
-        self.params.step(gradients, |name| {
-            let sparse = name.ends_with(".canvas");
-            Rate {
-                rate: if sparse { canvas } else { hyper },
-                sparse: sparse.then_some(impasto_kernels::Sparse { decay: 0.0 }),
-            }
-        });
+        self.params
+            .step(gradients, |name| Rate::of_look(name, canvas, hyper));
         report
     }
 
