@@ -12,7 +12,8 @@ capture=$1 paintings=$2 others=$3 folder=${4:-ablations}
 impasto=${IMPASTO:-impasto} steps=${STEPS:-2000} downscale=${DOWNSCALE:-4}
 mkdir -p "$folder"
 
-common=(--styles "$paintings" --downscale "$downscale" --set style.generated=100)
+# A width of its own: the painter that the program holds, which has learned already, is made for another.
+common=(--styles "$paintings" --downscale "$downscale" --set style.hyper_width=65)
 if [ ! -e "$folder/geometry/model.safetensors" ]; then
     "$impasto" train "$capture" -o "$folder/geometry" "${common[@]}" --stage geometry --steps 3000
 fi
@@ -30,15 +31,12 @@ variants=(
     "predicted: last layer|--set style.predicted_layers=1"
     "z from relu4_1|--encoder $folder/relu4_1.safetensors"
     "plain mu|--set style.weigh_codes=false"
-    "view direction|--set style_app.view_bands=2"
     "photo term|--set style.photo_weight=1"
     "warm-up, a tenth|--set style.style_loss_start=$((steps / 10))"
     "one distance of all layers|--set style.style_reduction=concatenated --set style.style_weight=60"
     "strides 1/2, 1/3|--set style.strides={\"paper\":[2,3]}"
     "strides 1/1, 1/1|--set style.strides={\"paper\":[1,1]}"
     "patch 34x40|--set style.patch=[34,40]"
-    "roughness not weighed|--set style.smoothness_weight=0"
-    "no canvas|--set style.shading.surface.canvas=null"
 )
 
 printf '| variant | style gain | retrieval | style loss | content loss |\n|---|---|---|---|---|\n'

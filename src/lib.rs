@@ -39,16 +39,16 @@ pub use impasto_export as export;
 pub use impasto_model::{
     Budget, ColorPreservation, Device, DeviceChoice, LOST, LayerError, MaskShape, MaskSpec, Model,
     ModelError, ModelPhoto, ModelScene, NoDevice, Opened, PaintingSpec, RenderedView, Stages, Stop,
-    StyleEmbedding, StyleLayer, StyleLayerSpec, StyleLayers, StyledAppearance, TrainConfig,
-    ViewGBuffer, is_cpu,
+    StyleEmbedding, StyleLayer, StyleLayerSpec, StyleLayers, StyleModel, StyledAppearance,
+    TrainConfig, ViewGBuffer, is_cpu,
 };
 pub use impasto_paintings as paintings;
 pub use impasto_prepare as prepare;
 pub use impasto_scene as scene;
 pub use impasto_style::{Network, StyleCode, StyleError, StyleInput, StyleVae, weights};
 pub use impasto_train::{
-    EncoderCheck, EncoderOptions, EncoderSummary, Event, Recovery, Refinement, Stage, TrainError,
-    TrainOptions, TrainSummary, Unfinished, cache_folder, check_encoder, read_encoder,
-    read_paintings, train, train_encoder,
+    EncoderCheck, EncoderOptions, EncoderSummary, Event, PainterOptions, PainterSummary, Recovery,
+    Refinement, Stage, TrainError, TrainOptions, TrainSummary, Unfinished, cache_folder,
+    check_encoder, read_encoder, read_painter, read_paintings, train, train_encoder, train_painter,
 };
 pub use impasto_view as view;

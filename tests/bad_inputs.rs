@@ -207,7 +207,7 @@ fn every_bad_input_is_told_plainly() {
     base::make(base.path());
     let trained = run(
         base.path(),
-        "train scene -o model --steps 1 --stage geometry",
+        "train scene -o model --steps 1 --stage geometry --set style.hyper_width=32",
     );
     assert!(
         trained.status.success(),

@@ -126,12 +126,14 @@ fn presets_are_described_and_the_paper_has_its_parameters() {
     for (key, count) in [
         ("per_level", 340_680),
         ("all_levels", 681_360),
-        ("hypernetwork_inner", 4_178_755),
-        ("hypernetwork_outer", 4_178_755),
         ("hypernetworks", 16_715_020),
     ] {
         assert_eq!(parameters[key], json!(count), "{key}");
     }
+    assert_eq!(
+        parameters["hypernetwork_by_volume"],
+        json!([4_178_755, 4_178_755])
+    );
     assert_eq!(
         json_of(folder.path(), "info --preset fast")["levels"],
         json!(1)
@@ -150,6 +152,34 @@ fn what_is_not_there_yet_is_said_plainly() {
         folder.path(),
         "train s -o m --set geometry.gird_rate=1",
         &["gird_rate", "geometry.grid_rate"],
+    );
+}
+
+#[test]
+fn a_painter_is_learned_on_models_and_goes_on() {
+    let folder = capture();
+    let folder = folder.path();
+    small_model(folder);
+    let learn =
+        "train-painter --scenes model model --styles paintings --steps 2 --set style.patch=[36,44]";
+    let first = json_of(folder, &format!("{learn} -o one.safetensors"));
+    assert_eq!((&first["scenes"], &first["steps"]), (&json!(2), &json!(2)));
+    // Two paintings, each whole and in two crops.
+    assert_eq!(first["pictures"], json!(6));
+    json_of(
+        folder,
+        &format!("{learn} --init one.safetensors -o two.safetensors"),
+    );
+    let [one, two] =
+        ["one", "two"].map(|n| fs::read(folder.join(format!("{n}.safetensors"))).unwrap());
+    assert!(one.len() == two.len() && one != two && one.len() < 4 << 20);
+    let other =
+        format!("{learn} --init one.safetensors --set style.hyper_width=32 -o no.safetensors");
+    refused(folder, &other, &["one.safetensors", "hypernetwork.0"]);
+    refused(
+        folder,
+        &format!("{learn} --init none -o no.safetensors"),
+        &["none", "no such file", "train-painter"],
     );
 }
 

@@ -66,10 +66,10 @@ fn a_good_capture_is_described_without_complaint() {
     assert!((facts["lenses"][0]["fov_x"].as_f64().unwrap() - 60.0).abs() < 0.2);
     assert!(facts["normalisation"]["scale"].as_f64().unwrap() > 0.0);
     let fast = &facts["estimates"]["fast"];
-    assert_eq!(fast["seconds"], 600.0);
+    assert_eq!(fast["seconds"], 180.0);
     assert!(fast["steps_per_second"].is_null(), "not measured");
     let memory = |preset: &str| facts["estimates"][preset]["memory_gib"].as_f64().unwrap();
-    assert!(memory("fast") > 0.5 && memory("paper") > memory("fast"));
+    assert!(memory("fast") > 0.3 && memory("paper") > memory("fast"));
     let picture = image::open(folder.path().join("overview.png")).unwrap();
     assert_eq!((picture.width(), picture.height()), (1200, 600));
 
@@ -121,13 +121,14 @@ fn the_machine_is_measured_unless_it_should_not() {
     for preset in ["fast", "paper"] {
         let estimate = &facts["estimates"][preset];
         for stage in 0..2 {
-            assert!(
-                estimate["steps_per_second"][stage].as_f64().unwrap() > 0.0,
-                "{preset}"
-            );
-            assert!(estimate["steps"][stage].as_u64().unwrap() > 0, "{preset}");
+            let rate = estimate["steps_per_second"][stage].as_f64().unwrap();
+            assert!(rate > 0.0, "{preset}");
+            let steps = estimate["steps"][stage].as_u64().unwrap();
+            // The painter that the program holds need not learn.
+            let learns = stage == 0 || preset == "paper";
+            assert_eq!(steps > 0, learns, "{preset}");
         }
-        assert!(estimate["seconds"].as_f64().unwrap() >= 600.0, "{preset}");
+        assert!(estimate["seconds"].as_f64().unwrap() >= 180.0, "{preset}");
     }
     let rate = |preset: &str| {
         facts["estimates"][preset]["steps_per_second"][0]

@@ -135,7 +135,7 @@ fn a_model_is_shown_until_the_studio_is_closed() {
     let scene = studio.get("/api/scene");
     assert_eq!(
         (&scene["synthetic"], &scene["styled"]),
-        (&json!(true), &json!(false))
+        (&json!(true), &json!(true))
     );
     let photo = &scene["photos"][0];
     let frame = studio.frame(&json!({

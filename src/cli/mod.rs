@@ -24,6 +24,7 @@ mod study;
 mod train;
 mod train_baseline;
 mod train_encoder;
+mod train_painter;
 mod values;
 mod view;
 mod weights;
@@ -53,6 +54,7 @@ enum Command {
     Prepare(prepare::PrepareArgs),
     Train(train::TrainArgs),
     TrainEncoder(train_encoder::TrainEncoderArgs),
+    TrainPainter(train_painter::TrainPainterArgs),
     TrainBaseline(train_baseline::TrainBaselineArgs),
     Render(render::RenderArgs),
     Batch(batch::BatchArgs),
@@ -73,6 +75,7 @@ pub fn main() -> ExitCode {
         Command::Prepare(args) => prepare::run(args),
         Command::Train(args) => train::run(args),
         Command::TrainEncoder(args) => train_encoder::run(args),
+        Command::TrainPainter(args) => train_painter::run(args),
         Command::TrainBaseline(args) => train_baseline::run(args),
         Command::Render(args) => render::run(args),
         Command::Batch(args) => batch::run(args),

@@ -230,8 +230,6 @@ mod tests {
 
     #[test]
     fn an_alternative_is_replaced_as_a_whole() {
-        let config = set(&["style.shading.surface.canvas=null"]).unwrap();
-        assert_eq!(config.style.shading.canvas(), None);
         let config = set(&["style.shading=samples"]).unwrap();
         assert_eq!(to_json(&config.style.shading), "samples");
         let frequency = r#"field.inner.encoding={"frequency": {"bands": 4}}"#;

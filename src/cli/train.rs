@@ -25,7 +25,8 @@ pub struct TrainArgs {
     /// Folder to write the model to
     #[arg(short, long, value_name = "MODEL")]
     output: PathBuf,
-    /// Folder of paintings to learn from, sub-folders included [default: generated ones only]
+    /// Folder of paintings to paint more like, sub-folders included; without one the model paints as
+    /// every model does
     #[arg(long, value_name = "DIR")]
     styles: Option<PathBuf>,
     /// Encoder of styles made by train-encoder; MODEL will carry it [default: the built-in one]
@@ -115,7 +116,8 @@ impl Preset {
 /// How long to train.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct BudgetArgs {
-    /// Time for training, e.g. 90s, 10m or 1h30m [default: 10m; 190s for the demo]
+    /// Time for training, e.g. 90s, 10m or 1h30m [default: 3m, or 10m where paintings are learned from;
+    /// 2m for the demo]
     #[arg(long, value_name = "TIME", value_parser = duration, conflicts_with = "steps")]
     pub budget: Option<Duration>,
     /// Number of steps of training, instead of a time
@@ -124,8 +126,18 @@ pub struct BudgetArgs {
 }
 
 impl BudgetArgs {
-    /// Training time where nothing else is asked for.
+    /// Training time where nothing else is asked for and the place alone is learned.
+    pub const GEOMETRY: Duration = Duration::from_secs(180);
+    /// Where paintings are learned from as well.
     pub const DEFAULT: Duration = Duration::from_secs(600);
+
+    /// The usual one of the two: the preset's painter need not learn, unless from paintings that are given.
+    pub fn usual(preset: Preset, styles: bool) -> Duration {
+        match preset {
+            Preset::Fast if !styles => Self::GEOMETRY,
+            _ => Self::DEFAULT,
+        }
+    }
 
     /// The budget that was asked for, or `default`.
     pub fn get_or(self, default: Duration) -> Budget {
@@ -154,7 +166,9 @@ pub fn run(args: &TrainArgs) -> Result<CommandOutput, CliError> {
             StageArg::Style => Stages::Style,
         },
         config,
-        budget: args.budget.get_or(BudgetArgs::DEFAULT),
+        budget: args
+            .budget
+            .get_or(BudgetArgs::usual(args.preset, args.styles.is_some())),
         load: LoadOptions {
             downscale: args.downscale,
             format: args.format,
@@ -184,7 +198,7 @@ pub fn run(args: &TrainArgs) -> Result<CommandOutput, CliError> {
     })
 }
 
-/// Trains the fast preset on all photos and generated paintings, from the start.
+/// Trains the fast preset on all photos, from the start; it paints as every model does.
 pub fn usual_options(scene: &Path, output: &Path, device: Device) -> TrainOptions {
     TrainOptions {
         scene: scene.to_owned(),
@@ -194,7 +208,7 @@ pub fn usual_options(scene: &Path, output: &Path, device: Device) -> TrainOption
         cache: cache_folder(),
         stages: Stages::All,
         config: TrainConfig::fast(),
-        budget: Budget::Time(BudgetArgs::DEFAULT),
+        budget: Budget::Time(BudgetArgs::GEOMETRY),
         load: LoadOptions::default(),
         seed: 0,
         device,

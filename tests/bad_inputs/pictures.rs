@@ -108,7 +108,7 @@ pub fn photos() -> Vec<Case> {
         ),
         bad(
             "photos smaller than a patch",
-            "train scene -o new --downscale 20",
+            "train scene -o new --styles styles --downscale 20",
             |_| {},
             &["photo", "3×2", "smaller --downscale"],
         ),

@@ -14,8 +14,8 @@ use crate::resize::scaled;
 use crate::strokes::StrokeResult;
 use image::RgbImage;
 use image::imageops::FilterType;
-use impasto_model::{STYLE_SIDE, painting_statistics};
-use impasto_style::{Features, Perceptual, Statistics, StyleError, picture};
+use impasto_model::{STYLE_SIDE, square_statistics};
+use impasto_style::{Features, Perceptual, Statistics, StyleError, picture, square_crop};
 use serde::Serialize;
 
 /// One painting's results, mean over views.
@@ -80,7 +80,7 @@ impl<'a> FidelityMetric<'a> {
     ) -> Result<Self, StyleError> {
         let targets = paintings
             .iter()
-            .map(|(_, p)| painting_statistics(vgg, p, STYLE_SIDE));
+            .map(|(_, p)| square_statistics(vgg, &square_crop(p, 1.0, (0.5, 0.5), STYLE_SIDE)));
         let plain = plain.iter().map(|view| features(vgg, view));
         Ok(Self {
             vgg,

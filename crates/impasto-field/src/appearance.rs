@@ -1,27 +1,107 @@
-//! `app`: from features to colour, with weights that are data.
+//! `app`: from what it sees of samples to colour, with weights that are data.
 
 use crate::branch::kaiming;
 use crate::config::AppearanceConfig;
-use crate::encoding::hash_table;
+use crate::encoding::vector;
 use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor};
+use impasto_kernels::SolidTextureSpec;
+use rand::RngExt;
 use rand_pcg::Pcg64;
 
-/// Size of a canvas's first entries at its coarsest level: noise at all its scales, from which `app`
-/// can make strokes before the canvas itself has learned any. It falls with the root of the size of
-/// cells: few patches reach a fine one, and what they leave would be grain.
-const FIRST_PAINT: f32 = 0.5;
+/// Size of a solid texture's first entries: noise at all scales, from which `app` can make strokes before
+/// the texture itself has learned any.
+const FIRST_PAINT: f32 = 0.8;
 
-/// Weights of the canvas encoding in both volumes.
+/// What an appearance is painted with, beside W^app.
 #[derive(Debug, Clone)]
-pub struct CanvasWeights {
-    /// Inner volume.
-    pub inner: Tensor<1>,
-    /// Outer volume.
-    pub outer: Tensor<1>,
+pub struct SolidPaint {
+    /// Sizes of the texture.
+    pub spec: SolidTextureSpec,
+    /// The solid texture.
+    pub texture: Tensor<1>,
+    /// Where colours come from and go to.
+    pub palette: Palette,
 }
 
-/// Everything that turns features into colours: W^app of both volumes.
+impl SolidPaint {
+    /// Random entries; colours stay as they are.
+    pub fn init(spec: SolidTextureSpec, rng: &mut Pcg64, device: &Device) -> Self {
+        let entries = (0..spec.params()).map(|_| rng.random_range(-FIRST_PAINT..FIRST_PAINT));
+        Self {
+            texture: vector(entries.collect(), device),
+            palette: Palette::NONE,
+            spec,
+        }
+    }
+
+    /// Zero entries, for reading.
+    pub fn zeros(spec: SolidTextureSpec, device: &Device) -> Self {
+        Self {
+            texture: Tensor::zeros([spec.params()], device),
+            palette: Palette::NONE,
+            spec,
+        }
+    }
+}
+
+/// The way into a painting's whitened colours and back: affine maps, row by row, what is added last.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Palette {
+    /// From the scene's unstylised colours, through the painting's, to whitened ones.
+    pub whitened: [[f32; 4]; 3],
+    /// From whitened colours to the painting's.
+    pub coloured: [[f32; 4]; 3],
+}
+
+/// Whitened colours farther out than this many deviations are drawn in: a linear map overshoots.
+const FARTHEST_COLOUR: f32 = 2.5;
+/// What is left of the slope where a colour leaves `[0, 1]`, so that gradients bring it back.
+const OUTSIDE: f32 = 0.02;
+
+impl Palette {
+    /// Colours as they are.
+    pub const NONE: Self = {
+        let identity = [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+        ];
+        Self {
+            whitened: identity,
+            coloured: identity,
+        }
+    };
+
+    /// Unstylised colours, `[n, 3]`, as the painting's before anything is painted, in `[0, 1]`.
+    pub fn recoloured(&self, colours: Tensor<2>) -> Tensor<2> {
+        self.colour(self.whiten(colours)).clamp(0.0, 1.0)
+    }
+
+    /// Unstylised colours, `[n, 3]`, as whitened ones.
+    pub(crate) fn whiten(&self, colours: Tensor<2>) -> Tensor<2> {
+        let far = affine(colours, &self.whitened) / FARTHEST_COLOUR;
+        far.tanh() * FARTHEST_COLOUR
+    }
+
+    /// Whitened colours, `[n, 3]`, as the painting's: beyond `[0, 1]` compressed, not cut.
+    pub(crate) fn colour(&self, whitened: Tensor<2>) -> Tensor<2> {
+        let colours = affine(whitened, &self.coloured);
+        let inside = colours.clone().clamp(0.0, 1.0);
+        inside.clone() + (colours - inside) * OUTSIDE
+    }
+}
+
+fn affine(rows: Tensor<2>, map: &[[f32; 4]; 3]) -> Tensor<2> {
+    let device = rows.device();
+    let column = |input: usize| map.map(|row| row[input]);
+    let matrix = [0, 1, 2].map(column).concat();
+    let matrix = Tensor::<1>::from_data(matrix.as_slice(), &device).reshape([3, 3]);
+    let added = Tensor::<1>::from_data(column(3).as_slice(), &device).reshape([1, 3]);
+    rows.matmul(matrix) + added
+}
+
+/// Everything that turns what is seen of samples into colours: W^app of both volumes, and paint.
 #[derive(Debug, Clone)]
 pub struct Appearance {
     /// Sizes.
@@ -30,8 +110,8 @@ pub struct Appearance {
     pub inner: Tensor<1>,
     /// W^app of the outer volume, flat.
     pub outer: Tensor<1>,
-    /// The canvas encoding's weights, where the configuration has one.
-    pub canvas: Option<CanvasWeights>,
+    /// What it is painted with, where the configuration paints.
+    pub paint: Option<SolidPaint>,
     /// The field's learned vector, where the configuration asks for one. The field's, no parameter
     /// of the appearance.
     pub latent: Option<Tensor<1>>,
@@ -47,18 +127,12 @@ impl Appearance {
     ) -> Self {
         let mut app = |width| kaiming(config.network(width).layers(), rng, device);
         let [inner, outer] = [app(features[0]), app(features[1])];
-        let canvas = config.shading.canvas().map(|grid| {
-            let size = |level| FIRST_PAINT * (grid.coarsest / grid.resolution(level)).sqrt();
-            CanvasWeights {
-                inner: hash_table(grid, size, rng, device),
-                outer: hash_table(grid, size, rng, device),
-            }
-        });
+        let texture = config.shading.texture();
         Self {
+            paint: texture.map(|texture| SolidPaint::init(*texture, rng, device)),
             config,
             inner,
             outer,
-            canvas,
             latent: None,
         }
     }
@@ -66,28 +140,25 @@ impl Appearance {
     /// Zero weights, for reading.
     pub fn zeros(config: AppearanceConfig, features: [usize; 2], device: &Device) -> Self {
         let app = |width| Tensor::zeros([config.network(width).params()], device);
-        let canvas = config.shading.canvas().map(|grid| CanvasWeights {
-            inner: Tensor::zeros([grid.params()], device),
-            outer: Tensor::zeros([grid.params()], device),
-        });
+        let texture = config.shading.texture();
         Self {
             inner: app(features[0]),
             outer: app(features[1]),
-            canvas,
+            paint: texture.map(|texture| SolidPaint::zeros(*texture, device)),
             latent: None,
             config,
         }
     }
 }
 
-impl Parameters for CanvasWeights {
+impl Parameters for SolidPaint {
     fn try_map<E>(
         &self,
         f: &mut dyn FnMut(&str, &Tensor<1>) -> Result<Tensor<1>, E>,
     ) -> Result<Self, E> {
         Ok(Self {
-            inner: f("inner.canvas", &self.inner)?,
-            outer: f("outer.canvas", &self.outer)?,
+            texture: f("texture", &self.texture)?,
+            ..*self
         })
     }
 }
@@ -101,7 +172,7 @@ impl Parameters for Appearance {
             config: self.config.clone(),
             inner: f("inner.app", &self.inner)?,
             outer: f("outer.app", &self.outer)?,
-            canvas: self.canvas.as_ref().map(|c| c.try_map(f)).transpose()?,
+            paint: self.paint.as_ref().map(|p| p.try_map(f)).transpose()?,
             latent: self.latent.clone(),
         })
     }

@@ -1,7 +1,7 @@
 //! One volume's shape: encoding, `base` and `geo`.
 
-use crate::config::{EncodingConfig, VolumeConfig};
-use crate::encoding::{Positions, encode, hash_table, vector};
+use crate::config::VolumeConfig;
+use crate::encoding::{Positions, encode, first_entries, vector};
 use crate::network::{AppNetwork, Trunk};
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::{Density, HashGridSpec, LayerSpec, MlpSpec, Volume, VolumeSpec, ops};
@@ -44,9 +44,6 @@ pub fn kaiming<'a>(
     vector(flat, device)
 }
 
-/// Size of a hash table's first entries (Müller et al. 2022).
-const FIRST_ENTRIES: f32 = 1e-4;
-
 impl Branch {
     /// A branch over positions of `dimensions` coordinates (3 inner, 4 outer), with a learned vector
     /// of `latent` numbers where the trunk is residual.
@@ -71,14 +68,9 @@ impl Branch {
 
     /// Random weights.
     pub fn init(&self, rng: &mut Pcg64, device: &Device) -> BranchWeights {
-        let encoding = match &self.config.encoding {
-            EncodingConfig::HashGrid(grid) => hash_table(grid, |_| FIRST_ENTRIES, rng, device),
-            // Unused, but drawn: every encoding has a vector.
-            EncodingConfig::Frequency { .. } => vector(
-                vec![rng.random_range(-FIRST_ENTRIES..FIRST_ENTRIES)],
-                device,
-            ),
-        };
+        // Unused by frequencies, but drawn: every encoding has a vector.
+        let length = self.hash_grid().map_or(1, |grid| grid.params());
+        let encoding = first_entries(length, rng, device);
         BranchWeights {
             encoding,
             base: kaiming(self.trunk.layers(), rng, device),

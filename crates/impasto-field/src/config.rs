@@ -2,7 +2,9 @@
 
 use crate::network::{AppNetwork, Trunk};
 use impasto_kernels::settings::{OutOfRange, usable};
-use impasto_kernels::{Activation, Density, HashGridSpec, MlpSpec, OccupancySpec, settings};
+use impasto_kernels::{
+    Activation, Density, HashGridSpec, MlpSpec, OccupancySpec, SolidTextureSpec, settings,
+};
 use serde::{Deserialize, Serialize};
 
 /// How a position becomes network input.
@@ -222,22 +224,19 @@ impl FieldConfig {
 pub enum Shading {
     /// At every sample, then composited (the paper's volume rendering).
     Samples,
-    /// Deferred: once per ray and volume, on the samples' mean features and position. Several times
-    /// cheaper, and paint keeps its contrast where a surface is a haze of several samples.
-    Surface {
-        /// A position encoding of `app`'s own, learned with it and shared by all styles: where brush
-        /// strokes live that the smooth base features cannot place. Its levels fade where the ray's
-        /// light comes from a stretch wider than their cells.
-        canvas: Option<HashGridSpec>,
-    },
+    /// Deferred: once per ray and volume, on the samples' means, which is several times cheaper, and paint
+    /// keeps its contrast where a surface is a haze of several samples. `app` sees nothing that is one
+    /// scene's own: the unstylised colour, in the painting's whitened colours, and a solid texture.
+    /// What it gives is added to that colour, so that palettes need not be learned.
+    Painted(SolidTextureSpec),
 }
 
 impl Shading {
-    /// The canvas, where there is one.
-    pub fn canvas(&self) -> Option<&HashGridSpec> {
+    /// The solid texture, where there is one.
+    pub fn texture(&self) -> Option<&SolidTextureSpec> {
         match self {
+            Self::Painted(texture) => Some(texture),
             Self::Samples => None,
-            Self::Surface { canvas } => canvas.as_ref(),
         }
     }
 }
@@ -273,18 +272,22 @@ pub struct AppearanceConfig {
 }
 
 impl AppearanceConfig {
-    /// Layers of `app` on features of width `features`.
+    /// Layers of `app`, on features of width `features` where it sees any.
     pub fn network(&self, features: usize) -> AppNetwork {
         let view = self.app.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));
-        let canvas = self.shading.canvas().map_or(0, HashGridSpec::outputs);
-        let mut widths = vec![features + view + canvas];
+        // What the painter sees first is a colour.
+        let (features, others, last) = match self.shading {
+            Shading::Painted(texture) => (3, texture.outputs(), Activation::Linear),
+            Shading::Samples => (features, view, Activation::Sigmoid),
+        };
+        let mut widths = vec![features + others];
         widths.extend(&self.app.hidden);
         widths.push(3);
         let linear = |inputs| MlpSpec::relu(&[inputs, features], false, Activation::Linear);
         AppNetwork {
             features,
             remap: self.app.remap.then(|| linear(features)),
-            chain: MlpSpec::relu(&widths, self.app.layer_norm, Activation::Sigmoid),
+            chain: MlpSpec::relu(&widths, self.app.layer_norm, last),
             shift: self.latent.map(linear),
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::config::EncodingConfig;
 use burn::tensor::{Device, Tensor, TensorData};
-use impasto_kernels::{HashGridSpec, ops};
+use impasto_kernels::ops;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -88,16 +88,12 @@ pub struct Positions<'a> {
     pub cube: &'a [f32],
 }
 
-/// A hash table with entries uniform in ± the size that `size` says of a level.
-pub(crate) fn hash_table(
-    grid: &HashGridSpec,
-    size: impl Fn(usize) -> f32,
-    rng: &mut Pcg64,
-    device: &Device,
-) -> Tensor<1> {
-    let sizes =
-        (0..grid.levels).flat_map(|level| std::iter::repeat_n(size(level), grid.level_params()));
-    let entries = sizes.map(|size| rng.random_range(-size..size));
+/// Size of a hash table's first entries (Müller et al. 2022).
+const FIRST_ENTRIES: f32 = 1e-4;
+
+/// A hash table's first entries; one number where there is no table.
+pub(crate) fn first_entries(length: usize, rng: &mut Pcg64, device: &Device) -> Tensor<1> {
+    let entries = (0..length).map(|_| rng.random_range(-FIRST_ENTRIES..FIRST_ENTRIES));
     vector(entries.collect(), device)
 }
 

@@ -30,7 +30,7 @@ pub mod sphere;
 pub mod training;
 mod volrend;
 
-pub use appearance::{Appearance, CanvasWeights};
+pub use appearance::{Appearance, Palette, SolidPaint};
 pub use backend::reference::FieldValues;
 pub use branch::{Branch, BranchWeights};
 pub use config::{

@@ -11,6 +11,9 @@ pub struct RayBatch {
     pub origins: Vec<[f32; 3]>,
     /// Directions, not normalised.
     pub directions: Vec<[f32; 3]>,
+    /// Width of the finest touch of a brush at distance 1 from each centre: what the octaves of paint
+    /// follow. 0 where nothing is painted.
+    pub touches: Vec<f32>,
 }
 
 impl RayBatch {
@@ -32,14 +35,28 @@ impl RayBatch {
     pub fn part(&self, rays: Range<usize>) -> Self {
         Self {
             origins: self.origins[rays.clone()].to_vec(),
-            directions: self.directions[rays].to_vec(),
+            directions: self.directions[rays.clone()].to_vec(),
+            touches: self.touches[rays].to_vec(),
         }
     }
 
-    /// Adds a ray.
+    /// Adds a ray that nothing will be painted along.
     pub fn push(&mut self, origin: [f32; 3], direction: [f32; 3]) {
+        self.push_painted(origin, direction, 0.0);
+    }
+
+    /// Adds a ray with the width of the finest touch of a brush at distance 1.
+    pub fn push_painted(&mut self, origin: [f32; 3], direction: [f32; 3], touch: f32) {
         self.origins.push(origin);
         self.directions.push(direction);
+        self.touches.push(touch);
+    }
+
+    /// Adds all rays of another batch.
+    pub fn extend(&mut self, other: Self) {
+        self.origins.extend(other.origins);
+        self.directions.extend(other.directions);
+        self.touches.extend(other.touches);
     }
 
     /// Unit view directions, `rays × 3`.

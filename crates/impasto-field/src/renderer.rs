@@ -21,6 +21,7 @@ pub struct Renderer {
     field: Field,
     weights: FieldWeights,
     grids: Option<OccupancyGrids>,
+    photo: Appearance,
     engine: Engine,
 }
 
@@ -94,28 +95,37 @@ pub fn pixels(composite: Tensor<2>) -> Vec<f32> {
 
 impl Renderer {
     /// Opens a field on the fastest backend that can do it all: rendering with appearances of these
-    /// configurations, of which `photo` is shaded at samples.
+    /// configurations, of which `photo`, the unstylised one, is shaded at samples.
     pub fn open(
         field: Field,
         weights: FieldWeights,
         grids: Option<OccupancyGrids>,
-        apps: [&AppearanceConfig; 2],
+        photo: Appearance,
+        style: &AppearanceConfig,
     ) -> Self {
+        let apps = [&photo.config, style];
         let engine = Engine::of(&field, &weights, grids.as_ref(), apps);
         Self {
             field,
             weights,
             grids,
+            photo,
             engine,
         }
     }
 
     /// Opens a field on the slow, obvious twin of the other backends.
-    pub fn reference(field: Field, weights: FieldWeights, grids: Option<OccupancyGrids>) -> Self {
+    pub fn reference(
+        field: Field,
+        weights: FieldWeights,
+        grids: Option<OccupancyGrids>,
+        photo: Appearance,
+    ) -> Self {
         Self {
             field,
             weights,
             grids,
+            photo,
             engine: Engine::Reference,
         }
     }
@@ -142,7 +152,13 @@ impl Renderer {
 
     /// Renders rays; geometry is computed once for all appearances.
     pub fn render(&self, rays: &RayBatch, appearances: &[&Appearance]) -> RenderedRays {
-        self.with_backend(&self.engine, Render { rays, appearances })
+        let photo = &self.photo;
+        let job = Render {
+            rays,
+            appearances,
+            photo,
+        };
+        self.with_backend(&self.engine, job)
     }
 
     /// Evaluates rays for paints to come.
@@ -156,7 +172,13 @@ impl Renderer {
             Engine::Gpu(_) if options.config.shading == Shading::Samples => &Engine::Reference,
             engine => engine,
         };
-        self.with_backend(engine, Buffer { rays, options })
+        let photo = &self.photo;
+        let job = Buffer {
+            rays,
+            options,
+            photo,
+        };
+        self.with_backend(engine, job)
     }
 
     fn with_backend<J: Job>(&self, engine: &Engine, job: J) -> J::Output {
@@ -233,6 +255,7 @@ fn in_chunks<B: Backend, T: Send>(
 struct Render<'a> {
     rays: &'a RayBatch,
     appearances: &'a [&'a Appearance],
+    photo: &'a Appearance,
 }
 
 impl Job for Render<'_> {
@@ -265,6 +288,8 @@ impl Job for Render<'_> {
                         let spec = BufferSpec {
                             config,
                             least_weight: 0.0,
+                            photo: self.photo,
+                            rays: &rays,
                         };
                         buffers.push((config, backend.accumulate(&evaluated, spec)));
                         buffers.len() - 1
@@ -301,6 +326,7 @@ impl Job for Render<'_> {
 struct Buffer<'a> {
     rays: &'a RayBatch,
     options: &'a GBufferOptions<'a>,
+    photo: &'a Appearance,
 }
 
 impl Job for Buffer<'_> {
@@ -308,10 +334,6 @@ impl Job for Buffer<'_> {
 
     fn run<B: Backend>(self, backend: &B) -> RayBuffers {
         let options = self.options;
-        let spec = BufferSpec {
-            config: options.config,
-            least_weight: options.least_weight,
-        };
         let shader = options.photo.map(|photo| backend.shader(photo));
         let most = options.rays_at_once.unwrap_or(usize::MAX);
         let parts = in_chunks(backend, self.rays, most, |chunk, rays| {
@@ -323,6 +345,12 @@ impl Job for Buffer<'_> {
             let least = options.least_weight;
             let photo = photo.map(|(fine, shader)| backend.shade(fine, shader, least));
             let depth = fine.map(|fine| backend.depth(fine));
+            let spec = BufferSpec {
+                config: options.config,
+                least_weight: least,
+                photo: self.photo,
+                rays: &rays,
+            };
             let buffers = levels.iter().map(|level| backend.accumulate(level, spec));
             (buffers.collect::<Vec<_>>(), photo, depth)
         });

@@ -20,6 +20,7 @@ use rand_pcg::Pcg64;
 struct Subject {
     field: Field,
     weights: FieldWeights,
+    photo: Appearance,
     rng: Pcg64,
 }
 
@@ -28,6 +29,7 @@ impl Subject {
         let mut rng = Pcg64::seed_from_u64(9);
         let weights = field.init(&mut rng, &tested());
         Self {
+            photo: Appearance::init(app(), field.features(), &mut rng, &tested()),
             field,
             weights,
             rng,
@@ -50,8 +52,8 @@ impl Subject {
         let parts = || (self.field.clone(), self.weights.clone(), grids.cloned());
         let ((field, weights, one), (_, again, other)) = (parts(), parts());
         [
-            Renderer::open(field.clone(), weights, one, [&app(), style]),
-            Renderer::reference(field, again, other),
+            Renderer::open(field.clone(), weights, one, self.photo.clone(), style),
+            Renderer::reference(field, again, other, self.photo.clone()),
         ]
     }
 
@@ -68,13 +70,6 @@ impl Subject {
 fn blind(mut config: AppearanceConfig) -> AppearanceConfig {
     config.app.view_bands = None;
     config
-}
-
-fn bare(config: AppearanceConfig) -> AppearanceConfig {
-    AppearanceConfig {
-        shading: Shading::Surface { canvas: None },
-        ..config
-    }
 }
 
 /// Unless numbers differ by no more than a tolerance, of what is greater than one in units of it.
@@ -209,7 +204,7 @@ fn groups_of_rays_are_rays_one_by_one() {
         let rendered = renderer.render(&all, &[&photo]);
         for ray in [0, 127, 128, 299] {
             let mut one = RayBatch::default();
-            one.push(all.origins[ray], all.directions[ray]);
+            one.push_painted(all.origins[ray], all.directions[ray], all.touches[ray]);
             let alone = renderer.render(&one, &[&photo]);
             assert!((alone.depth[0] - rendered.depth[ray]).abs() < 1e-4);
             let beside = &rendered.colours[0][3 * ray..3 * ray + 3];
@@ -284,8 +279,6 @@ fn every_backend_renders_and_buffers_like_the_reference() {
         app(),
         blind(app()),
         paint(),
-        bare(paint()),
-        blind(paint()),
         // Other weights of the same configuration.
         paint(),
     ];
@@ -353,7 +346,7 @@ fn frequencies_and_cascades_render_on_the_reference() {
 #[test]
 fn every_backend_leaves_out_the_same_samples() {
     let mut subject = Subject::new(Field::new(config(&hash_grid())));
-    let looks = [app(), paint(), bare(paint())].map(|config| subject.appearance(config));
+    let looks = [app(), paint(), paint()].map(|config| subject.appearance(config));
     let [photo, painted, unpainted] = &looks;
     let whole = grids(&subject.field, 1.0);
     // Grids that know of half of the ball only.

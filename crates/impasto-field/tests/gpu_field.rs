@@ -13,8 +13,8 @@ use impasto_field::{
 use impasto_kernels::device::{is_cpu, tested};
 use impasto_kernels::gpu::{DensityGrids, FieldSpec, Rays, SamplesRead, Targets, descend};
 use impasto_kernels::{
-    CompositeLayout, Density, DensityGrid, HashGridSpec, MlpSpec, OccupancySpec, RaySpan, Volume,
-    VolumeSpec,
+    CompositeLayout, Density, DensityGrid, HashGridSpec, MlpSpec, OccupancySpec, RaySpan,
+    SolidTextureSpec, Volume, VolumeSpec,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -85,6 +85,15 @@ fn photo_app() -> AppearanceConfig {
         },
         shading: Shading::Samples,
         latent: None,
+    }
+}
+
+fn texture() -> SolidTextureSpec {
+    SolidTextureSpec {
+        octaves: 3,
+        side: 6,
+        finest: 2.0,
+        ratio: 1.5,
     }
 }
 
@@ -469,9 +478,7 @@ fn renders_and_patches_are_the_hosts() {
     let Some(device) = gpu() else { return };
     let (field, rays) = (Field::new(config()), many_rays(500));
     let mut settings = photo_app();
-    settings.shading = Shading::Surface {
-        canvas: Some(hash_grid()),
-    };
+    settings.shading = Shading::Painted(texture());
     settings.app.layer_norm = true;
     let all = [device, Device::flex()].map(|device| {
         let (own, photo) = weights(5, &device);
@@ -481,8 +488,7 @@ fn renders_and_patches_are_the_hosts() {
             &mut Pcg64::seed_from_u64(8),
             &device,
         );
-        let apps = [&photo.config, &settings];
-        let renderer = Renderer::open(field.clone(), own, Some(grids()), apps);
+        let renderer = Renderer::open(field.clone(), own, Some(grids()), photo.clone(), &settings);
         let rendered = renderer.render(&rays, &[&photo, &style, &style]);
         let options = GBufferOptions {
             config: &settings,
@@ -552,9 +558,7 @@ fn fields_that_cannot_stay_there_say_so() {
     };
     assert!(!training(&field, &shifted, &device));
     let painted = AppearanceConfig {
-        shading: Shading::Surface {
-            canvas: Some(hash_grid()),
-        },
+        shading: Shading::Painted(texture()),
         ..photo_app()
     };
     assert!(!training(&field, &painted, &device));

@@ -12,6 +12,14 @@ pub struct StyledAppearance {
 }
 
 impl StyledAppearance {
+    /// An appearance as it is.
+    pub fn new(appearance: Appearance) -> Self {
+        Self {
+            appearance,
+            transfer: None,
+        }
+    }
+
     /// Colours as `app` gives them, `rays × 3`, after what is applied to all of them.
     pub(crate) fn transferred(&self, colours: Vec<f32>) -> Vec<f32> {
         match &self.transfer {

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3, Mat3, Quat, Vec2, Vec3};
 use impasto_field::RayBatch;
-use impasto_scene::Camera;
+use impasto_scene::{Camera, Intrinsics};
 use rayon::prelude::*;
 
 /// One camera's rays, computed once: undistorting a lens costs far more than turning a vector.
@@ -12,12 +12,23 @@ pub struct CameraRays {
     height: usize,
     origin: [f32; 3],
     rotation: [[f32; 3]; 3],
+    /// Width of the finest touch of a brush at distance 1.
+    touch: f32,
     /// Camera-space x and y (z = 1) of each pixel centre.
     plane: std::sync::Arc<Vec<[f32; 2]>>,
 }
 
 fn single(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
+}
+
+/// Touches that a picture's shorter side is wide, as many as pixels of the squares that paintings are
+/// looked at in: strokes keep their size in a picture, whatever its resolution.
+const TOUCHES: f64 = 256.0;
+
+fn touch(k: &Intrinsics) -> f32 {
+    let side = f64::from(k.width.min(k.height));
+    (side / (0.5 * (k.fl_x + k.fl_y)) / TOUCHES) as f32
 }
 
 impl CameraRays {
@@ -47,6 +58,7 @@ impl CameraRays {
             width,
             height,
             origin: single(camera.centre()),
+            touch: touch(k),
             rotation: [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(single),
             plane,
         }
@@ -81,7 +93,8 @@ impl CameraRays {
 
     fn push_plane(&self, [x, y]: [f32; 2], batch: &mut RayBatch) {
         let [a, b, c] = self.rotation;
-        batch.push(self.origin, [0, 1, 2].map(|i| x * a[i] + y * b[i] + c[i]));
+        let direction = [0, 1, 2].map(|i| x * a[i] + y * b[i] + c[i]);
+        batch.push_painted(self.origin, direction, self.touch);
     }
 
     /// All rays of the image, row by row.
@@ -165,6 +178,22 @@ mod tests {
         assert!(pairs(&found.directions, &wanted.directions));
         assert_eq!(one.distance(&other), 1.0);
         assert!((one.alignment(&other) - 1f32.cos()).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_touch_is_as_wide_in_a_picture_of_any_resolution() {
+        let lens = |width: u32, fl: f64| Intrinsics {
+            width,
+            height: width / 2,
+            fl_x: fl,
+            fl_y: fl,
+            cx: 0.0,
+            cy: 0.0,
+            distortion: Distortion::default(),
+        };
+        assert!((touch(&lens(1024, 512.0)) - 1.0 / 256.0).abs() < 1e-7);
+        assert_eq!(touch(&lens(1024, 512.0)), touch(&lens(256, 128.0)));
+        assert_eq!(touch(&lens(1024, 1024.0)) * 2.0, touch(&lens(1024, 512.0)));
     }
 
     #[test]

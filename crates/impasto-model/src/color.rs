@@ -1,9 +1,9 @@
 //! Colours of pictures as mean and covariance, and the linear map between two of them.
 
 use crate::config::STYLE_SIDE;
-use burn::tensor::Tensor;
 use glam::{DMat3, DVec3};
 use image::RgbImage;
+use impasto_field::Palette;
 use impasto_style::{picture, square_crop};
 
 /// Mean and covariance of RGB colours in `[0, 1]`.
@@ -101,6 +101,29 @@ impl ColorStatistics {
     }
 }
 
+impl ColorStatistics {
+    /// The way of colours of these statistics into the whitened colours of a painting, and from there to
+    /// its own.
+    pub fn palette_of(&self, painting: &Self) -> Palette {
+        let transfer = self.transfer_to(painting);
+        let root = square_root(painting.covariance);
+        let inverse = root.inverse();
+        let into = inverse * transfer.matrix;
+        Palette {
+            whitened: rows(into, -(into * transfer.from)),
+            coloured: rows(root, painting.mean),
+        }
+    }
+}
+
+/// An affine map row by row, what is added last.
+fn rows(matrix: DMat3, added: DVec3) -> [[f32; 4]; 3] {
+    [0, 1, 2].map(|i| {
+        let row = matrix.row(i);
+        [row.x, row.y, row.z, added[i]].map(|x| x as f32)
+    })
+}
+
 impl ColorTransfer {
     /// Moves colours only part of the way: all of it at a strength of 1.
     pub fn scaled(&self, strength: f32) -> Self {
@@ -108,18 +131,6 @@ impl ColorTransfer {
         let (from, to) = (self.from, self.from.lerp(self.to, strength));
         let matrix = self.matrix * strength + DMat3::IDENTITY * (1.0 - strength);
         Self { matrix, from, to }
-    }
-
-    /// What [`Self::apply`] does with pixels that stay where they are, `[height, width, 3]`.
-    pub fn applied(&self, pixels: Tensor<3>) -> Tensor<3> {
-        let (shape, device) = (pixels.dims(), pixels.device());
-        // Column by column, which is row by row for colours that stand in rows.
-        let matrix = self.matrix.to_cols_array().map(|x| x as f32);
-        let matrix = Tensor::<1>::from_data(matrix, &device).reshape([3, 3]);
-        let moved = (self.to - self.matrix * self.from).as_vec3().to_array();
-        let moved = Tensor::<1>::from_data(moved, &device).unsqueeze::<2>();
-        let mapped = pixels.reshape([shape[0] * shape[1], 3]).matmul(matrix) + moved;
-        mapped.clamp(0.0, 1.0).reshape(shape)
     }
 
     /// The mapped colours, clamped to `[0, 1]`.
@@ -150,18 +161,6 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    #[test]
-    fn pixels_are_recoloured_alike_wherever_they_are() {
-        let (one, other) = (colours(1, [0.3, 0.1, 0.2]), colours(2, [0.1, 0.4, 0.3]));
-        let palette = |colours: &[f32]| ColorStatistics::of(colours.chunks_exact(3));
-        let transfer = palette(&one).transfer_to(&palette(&other));
-        let pixels = Tensor::<1>::from_data(&one[..], &impasto_kernels::device::tested());
-        let found = impasto_field::host(transfer.applied(pixels.reshape([30, 100, 3])));
-        for (found, wanted) in found.iter().zip(transfer.apply(&one)) {
-            assert!((found - wanted).abs() < 1e-4, "{found} {wanted}");
-        }
-    }
-
     fn colours(seed: u64, spread: [f32; 3]) -> Vec<f32> {
         let mut rng = Pcg64::seed_from_u64(seed);
         (0..3000)
@@ -181,6 +180,33 @@ mod tests {
         assert!((found.mean - wanted.mean).length() < 1e-3);
         let far = (found.covariance - wanted.covariance).to_cols_array();
         assert!(far.iter().all(|d| d.abs() < 2e-3), "{far:?}");
+    }
+
+    #[test]
+    fn a_palette_leads_through_whitened_colours_to_the_painting() {
+        let (photo, painting) = (colours(1, [0.5, 0.5, 0.7]), colours(2, [0.7, 0.5, 0.5]));
+        let of = |pixels: &[f32]| ColorStatistics::of(pixels.chunks_exact(3));
+        let palette = of(&photo).palette_of(&of(&painting));
+        let through = |map: &[[f32; 4]; 3], pixel: &[f32]| {
+            map.map(|[x, y, z, added]| x * pixel[0] + y * pixel[1] + z * pixel[2] + added)
+        };
+        let whitened: Vec<f32> = photo
+            .chunks_exact(3)
+            .flat_map(|pixel| through(&palette.whitened, pixel))
+            .collect();
+        let found = of(&whitened);
+        assert!(found.mean.length() < 1e-3, "{found:?}");
+        let far = (found.covariance - DMat3::IDENTITY).to_cols_array();
+        assert!(far.iter().all(|d| d.abs() < 0.05), "{far:?}");
+        let wanted = of(&photo).transfer_to(&of(&painting)).apply(&photo);
+        for (whitened, wanted) in whitened.chunks_exact(3).zip(wanted.chunks_exact(3)) {
+            let found = through(&palette.coloured, whitened).map(|c| c.clamp(0.0, 1.0));
+            let mut pairs = found.iter().zip(wanted);
+            assert!(
+                pairs.all(|(a, b)| (a - b).abs() < 1e-3),
+                "{found:?} {wanted:?}"
+            );
+        }
     }
 
     #[test]

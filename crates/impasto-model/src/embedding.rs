@@ -1,6 +1,7 @@
 //! What a painting becomes: statistics of its middle square, a style code, colour statistics.
 
 use crate::color::ColorStatistics;
+use crate::config::PictureConfig;
 use image::RgbImage;
 use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, picture, square_crop};
 
@@ -29,6 +30,24 @@ impl StyleEmbedding {
     }
 }
 
+/// A picture with its palette taken out, so that its statistics tell of structure alone: whitened colours,
+/// of a deviation of 0.17 about grey.
+pub fn canonical(square: &RgbImage) -> RgbImage {
+    let pixels = picture(square);
+    let colors = ColorStatistics::of(pixels.chunks_exact(3));
+    let white = colors.palette_of(&colors).whitened;
+    let mut out = square.clone();
+    for (pixel, colour) in out.pixels_mut().zip(pixels.chunks_exact(3)) {
+        pixel.0 = white.map(|row| {
+            let u = row[0] * colour[0] + row[1] * colour[1] + row[2] * colour[2] + row[3];
+            ((u * CANONICAL_DEVIATION + 0.5).clamp(0.0, 1.0) * 255.0).round() as u8
+        });
+    }
+    out
+}
+
+const CANONICAL_DEVIATION: f32 = 0.17;
+
 /// Statistics of what stands for a painting whenever it is not training: its middle square, at
 /// `side` pixels.
 ///
@@ -37,9 +56,25 @@ impl StyleEmbedding {
 pub fn painting_statistics(
     vgg: &Perceptual,
     painting: &RgbImage,
-    side: u32,
+    pictures: &PictureConfig,
 ) -> Result<Statistics, StyleError> {
-    square_statistics(vgg, &square_crop(painting, 1.0, (0.5, 0.5), side))
+    let square = square_crop(painting, 1.0, (0.5, 0.5), pictures.side);
+    structure_statistics(vgg, &square, pictures)
+}
+
+/// Statistics that the code of a square picture is made of.
+///
+/// # Errors
+/// Never for pictures of at least 1×1 pixel.
+pub fn structure_statistics(
+    vgg: &Perceptual,
+    square: &RgbImage,
+    pictures: &PictureConfig,
+) -> Result<Statistics, StyleError> {
+    match pictures.canonical {
+        true => square_statistics(vgg, &canonical(square)),
+        false => square_statistics(vgg, square),
+    }
 }
 
 /// Statistics of a square picture.
@@ -54,6 +89,33 @@ pub fn square_statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statisti
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_canonical_picture_has_no_palette() {
+        let square = RgbImage::from_fn(64, 64, |x, y| {
+            image::Rgb([
+                200 - 2 * x as u8,
+                40 + 2 * y as u8,
+                90 + (x as u8 ^ y as u8),
+            ])
+        });
+        let found = picture(&canonical(&square));
+        let numbers = ColorStatistics::of(found.chunks_exact(3)).numbers();
+        for mean in &numbers[..3] {
+            assert!((mean - 0.5).abs() < 0.02, "{numbers:?}");
+        }
+        let grey = f64::from(CANONICAL_DEVIATION).powi(2);
+        for (i, own) in [
+            (3, grey),
+            (6, grey),
+            (8, grey),
+            (4, 0.0),
+            (5, 0.0),
+            (7, 0.0),
+        ] {
+            assert!((numbers[i] - own).abs() < 0.2 * grey, "{i}: {numbers:?}");
+        }
+    }
 
     #[test]
     fn mixed_embeddings_lie_between_by_weight() {

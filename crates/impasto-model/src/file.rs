@@ -2,14 +2,15 @@
 
 use crate::config::TrainConfig;
 use crate::error::ModelError;
-use crate::hypernetworks::StyleModel;
+use crate::hypernetworks::{CodeNormalisation, StyleModel};
+use crate::painter::{CODE_MEAN, CODE_SCALE};
 use crate::record::TrainingRecord;
 use crate::tensors::{Entry, TensorReader, serialize};
 use burn::tensor::Device;
 use impasto_field::{Appearance, Field, OccupancyGrids, RadianceField};
 use impasto_scene::file::{LARGEST_FILE, plainly, read_whole, write_atomic};
 use impasto_scene::{Camera, Normalisation, Split};
-use impasto_style::{StyleError, StyleVae};
+use impasto_style::{StyleCode, StyleError, StyleVae};
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -23,7 +24,7 @@ pub const MODEL_FILE: &str = "model.safetensors";
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// One photo that a model was made from; the pixels are not kept.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -189,6 +190,8 @@ impl ModelFile {
         entries.extend(Entry::parameters(&self.radiance));
         if let Some(style) = &self.style {
             entries.extend(Entry::parameters(style));
+            entries.push(Entry::floats(CODE_MEAN, &style.codes.mean));
+            entries.push(Entry::floats(CODE_SCALE, &[style.codes.scale]));
         }
         if let Some(encoder) = &self.encoder {
             entries.push(Entry::bytes(ENCODER, encoder.to_bytes()?));
@@ -288,9 +291,15 @@ fn read(reader: TensorReader<'_>, header: Header) -> Result<ModelFile, String> {
         )),
         None => None,
     };
-    let style = if reader.has("inner.hypernetwork.0") {
+    let style = if reader.has(CODE_MEAN) {
         let like = StyleModel::zeros(&field, &config, reader.device);
-        Some(reader.parameters(&like)?)
+        Some(StyleModel {
+            codes: CodeNormalisation {
+                mean: reader.numbers(CODE_MEAN, StyleCode::LEN)?,
+                scale: reader.numbers(CODE_SCALE, 1)?[0],
+            },
+            ..reader.parameters(&like)?
+        })
     } else {
         None
     };

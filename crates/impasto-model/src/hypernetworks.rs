@@ -2,46 +2,106 @@
 
 use crate::config::TrainConfig;
 use burn::tensor::{Device, Tensor};
-use impasto_field::{Appearance, CanvasWeights, Field, Parameters};
+use impasto_field::{Appearance, Field, Palette, Parameters, SolidPaint};
 use impasto_style::{Hypernetwork, HypernetworkWeights, StyleCode};
 use rand_pcg::Pcg64;
+
+/// How style codes are normalised before hypernetworks see them: those of paintings whose palettes were taken
+/// out lie close together, far from zero.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CodeNormalisation {
+    /// The mean code.
+    pub mean: Vec<f32>,
+    /// What is left is multiplied with this.
+    pub scale: f32,
+}
+
+/// Mean squared length of normalised codes.
+const LENGTH: f32 = 256.0;
+
+impl CodeNormalisation {
+    /// Codes as they are.
+    pub fn none() -> Self {
+        Self {
+            mean: vec![0.0; StyleCode::LEN],
+            scale: 1.0,
+        }
+    }
+
+    /// That of a set of codes; as they are if there are fewer than two.
+    pub fn of(codes: &[StyleCode]) -> Self {
+        let count = codes.len() as f32;
+        let mut mean = vec![0.0; StyleCode::LEN];
+        for code in codes {
+            mean.iter_mut()
+                .zip(&code.0)
+                .for_each(|(m, c)| *m += c / count);
+        }
+        let square = |code: &StyleCode| {
+            let off = code.0.iter().zip(&mean).map(|(c, m)| (c - m).powi(2));
+            off.sum::<f32>() / count
+        };
+        let variance: f32 = codes.iter().map(square).sum();
+        match variance > 0.0 {
+            true => Self {
+                scale: (LENGTH / variance).sqrt(),
+                mean,
+            },
+            false => Self::none(),
+        }
+    }
+
+    /// A code as hypernetworks see it.
+    pub fn apply(&self, code: &StyleCode) -> StyleCode {
+        let numbers = code.0.iter().zip(&self.mean);
+        StyleCode(numbers.map(|(c, m)| (c - m) * self.scale).collect())
+    }
+}
 
 /// Everything that predicts a stylised appearance.
 #[derive(Debug, Clone)]
 pub struct StyleModel {
-    /// Hypernetworks of the inner and the outer `app`.
-    pub hyper: [Hypernetwork; 2],
+    /// What comes before the hypernetworks; not trained.
+    pub codes: CodeNormalisation,
+    /// Hypernetworks of the inner and the outer `app`, or one for both where they see the same things.
+    pub hyper: Vec<Hypernetwork>,
     /// Their weights, after those for the first field of a cascade, where there is one.
-    pub levels: Vec<[HypernetworkWeights; 2]>,
-    /// The canvas encoding, where the appearance has one.
-    pub canvas: Option<CanvasWeights>,
+    pub levels: Vec<Vec<HypernetworkWeights>>,
+    /// What it paints with, where the appearance has that; colours stay as they are.
+    pub paint: Option<SolidPaint>,
 }
 
 /// The hypernetworks' sizes for a configuration.
-pub fn hypernetworks(field: &Field, config: &TrainConfig) -> [Hypernetwork; 2] {
+pub fn hypernetworks(field: &Field, config: &TrainConfig) -> Vec<Hypernetwork> {
     let (app, settings) = (config.style_appearance(), &config.style);
-    field.features().map(|features| {
+    let one = |features: &usize| {
         Hypernetwork::new(
             StyleCode::LEN,
             settings.hyper_width,
-            app.network(features).layers(),
+            app.network(*features).layers(),
             settings.predicted_layers,
         )
-    })
+    };
+    let volumes = field.features();
+    // What paints from colour and texture sees the same in both volumes.
+    let apart = app.shading.texture().map_or(volumes.len(), |_| 1);
+    volumes[..apart].iter().map(one).collect()
 }
 
 impl StyleModel {
     /// Random weights.
     pub fn init(field: &Field, config: &TrainConfig, rng: &mut Pcg64, device: &Device) -> Self {
         let hyper = hypernetworks(field, config);
-        let levels =
-            (0..config.field.levels()).map(|_| hyper.each_ref().map(|h| h.init(rng, device)));
-        let levels = levels.collect();
+        let levels = (0..config.field.levels())
+            .map(|_| hyper.iter().map(|h| h.init(rng, device)).collect())
+            .collect();
         let app = config.style_appearance();
+        let texture = app.shading.texture();
         Self {
+            codes: CodeNormalisation::none(),
             hyper,
             levels,
-            canvas: Appearance::init(app, field.features(), rng, device).canvas,
+            paint: texture.map(|texture| SolidPaint::init(*texture, rng, device)),
         }
     }
 
@@ -52,30 +112,44 @@ impl StyleModel {
             let layers = h.lengths().into_iter().map(|n| Tensor::zeros([n], device));
             HypernetworkWeights(layers.collect())
         };
-        let level = || hyper.each_ref().map(zeros);
+        let texture = config.style_appearance().shading;
+        let texture = texture.texture();
         Self {
-            levels: (0..config.field.levels()).map(|_| level()).collect(),
-            canvas: Appearance::zeros(config.style_appearance(), field.features(), device).canvas,
+            codes: CodeNormalisation::none(),
+            levels: (0..config.field.levels())
+                .map(|_| hyper.iter().map(zeros).collect())
+                .collect(),
+            paint: texture.map(|texture| SolidPaint::zeros(*texture, device)),
             hyper,
         }
     }
 
-    /// The appearances that belong to a style code, level by level: the field's is the last.
+    /// The appearances that belong to a style code and a painting's colours, level by level: the
+    /// field's is the last.
     pub fn appearances(
         &self,
         config: &TrainConfig,
         code: &StyleCode,
+        palette: Palette,
         device: &Device,
     ) -> Vec<Appearance> {
-        let code = code.tensor(device);
-        let levels = self.levels.iter().map(|[inner, outer]| Appearance {
-            config: config.style_appearance(),
-            inner: self.hyper[0].predict(inner, &code),
-            outer: self.hyper[1].predict(outer, &code),
-            canvas: self.canvas.clone(),
-            latent: None,
-        });
-        levels.collect()
+        let code = self.codes.apply(code).tensor(device);
+        let of_level = |weights: &Vec<HypernetworkWeights>| {
+            let networks = self.hyper.iter().zip(weights);
+            let mut apps = networks.map(|(network, own)| network.predict(own, &code));
+            let inner = apps.next()?;
+            Some(Appearance {
+                config: config.style_appearance(),
+                outer: apps.next().unwrap_or_else(|| inner.clone()),
+                inner,
+                paint: self
+                    .paint
+                    .clone()
+                    .map(|paint| SolidPaint { palette, ..paint }),
+                latent: None,
+            })
+        };
+        self.levels.iter().filter_map(of_level).collect()
     }
 }
 
@@ -85,25 +159,52 @@ impl Parameters for StyleModel {
         f: &mut dyn FnMut(&str, &Tensor<1>) -> Result<Tensor<1>, E>,
     ) -> Result<Self, E> {
         let mut levels = Vec::new();
-        for (i, [inner, outer]) in self.levels.iter().enumerate() {
+        for (i, weights) in self.levels.iter().enumerate() {
             // The field's level is the last, a cascade's first field comes before it.
-            let level = if i + 1 < self.levels.len() {
-                "coarse."
-            } else {
-                ""
+            let level = match i + 1 < self.levels.len() {
+                true => "coarse.",
+                false => "",
             };
-            let mut volume = |volume: &str, weights: &HypernetworkWeights| {
+            let volumes: &[&str] = match weights.len() {
+                1 => &[""],
+                _ => &["inner.", "outer."],
+            };
+            let mut volume = |(volume, weights): (&&str, &HypernetworkWeights)| {
                 let layers = weights.0.iter().enumerate();
-                let layers =
-                    layers.map(|(l, t)| f(&format!("{level}{volume}.hypernetwork.{l}"), t));
+                let layers = layers.map(|(l, t)| f(&format!("{level}{volume}hypernetwork.{l}"), t));
                 Ok(HypernetworkWeights(layers.collect::<Result<_, E>>()?))
             };
-            levels.push([volume("inner", inner)?, volume("outer", outer)?]);
+            let volumes = volumes.iter().zip(weights);
+            levels.push(volumes.map(&mut volume).collect::<Result<_, E>>()?);
         }
         Ok(Self {
+            codes: self.codes.clone(),
             hyper: self.hyper.clone(),
             levels,
-            canvas: self.canvas.as_ref().map(|c| c.try_map(f)).transpose()?,
+            paint: self.paint.as_ref().map(|p| p.try_map(f)).transpose()?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normalised_codes_lie_around_zero() {
+        let code = |x: f32| StyleCode((0..StyleCode::LEN).map(|i| 7.0 + x * i as f32).collect());
+        let codes: Vec<_> = [0.1, 0.2, 0.6].map(code).into_iter().collect();
+        let normalisation = CodeNormalisation::of(&codes);
+        let found: Vec<_> = codes.iter().map(|c| normalisation.apply(c)).collect();
+        for i in 0..StyleCode::LEN {
+            let mean = found.iter().map(|c| c.0[i]).sum::<f32>() / 3.0;
+            assert!(mean.abs() < 1e-3, "{mean}");
+        }
+        let lengths = found.iter().map(|c| c.0.iter().map(|x| x * x).sum::<f32>());
+        assert!((lengths.sum::<f32>() / 3.0 / LENGTH - 1.0).abs() < 1e-3);
+        // Nothing is known of one alone.
+        let alone = CodeNormalisation::of(&codes[..1]);
+        assert_eq!(alone, CodeNormalisation::none());
+        assert_eq!(alone.apply(&codes[0]), codes[0]);
     }
 }

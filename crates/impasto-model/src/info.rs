@@ -29,15 +29,15 @@ impl TrainConfig {
             .map_or(0, |coarse| coarse.count());
         let level = zeros.count() - coarse - unused;
         let hypernetworks = hypernetworks(&field, self);
-        let hypernetworks = hypernetworks.map(|net| net.lengths().into_iter().sum::<usize>());
+        let lengths = hypernetworks.iter().map(|net| net.lengths().iter().sum());
+        let lengths: Vec<usize> = lengths.collect();
         json!({
             "levels": levels,
             "parameters": {
                 "per_level": level,
                 "all_levels": levels * level,
-                "hypernetwork_inner": hypernetworks[0],
-                "hypernetwork_outer": hypernetworks[1],
-                "hypernetworks": levels * (hypernetworks[0] + hypernetworks[1]),
+                "hypernetwork_by_volume": lengths,
+                "hypernetworks": levels * lengths.iter().sum::<usize>(),
             },
             "config": self,
         })
@@ -61,7 +61,7 @@ impl ModelFile {
         let coarse = coarse
             .flat_map(|c| [&c.inner, &c.outer])
             .flat_map(|w| [&w.base, &w.geo]);
-        let canvas = self.style.as_ref().and_then(|style| style.canvas.as_ref());
+        let paint = self.style.as_ref().and_then(|style| style.paint.as_ref());
         let hypernetworks = self
             .style
             .iter()
@@ -83,7 +83,7 @@ impl ModelFile {
                 "first_field": count(coarse),
                 "photo_app": count([&app.inner, &app.outer]),
                 "hypernetworks": count(hypernetworks),
-                "canvas": count(canvas.iter().flat_map(|c| [&c.inner, &c.outer])),
+                "texture": count(paint.iter().map(|paint| &paint.texture)),
             },
             "normalisation": self.scene.normalisation,
             "seed": self.seed,

@@ -15,7 +15,7 @@ use impasto_field::{
 };
 use impasto_kernels::CompositeLayout;
 use impasto_scene::{Camera, Split};
-use impasto_style::{Perceptual, StyleCode, StyleError, StyleVae};
+use impasto_style::{Perceptual, StyleError, StyleVae};
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -60,11 +60,16 @@ impl Model {
     /// A model from its contents, on the device that they are on.
     pub fn from_file(file: ModelFile) -> Self {
         let config = &file.config;
-        let apps = [&config.photo_appearance(), &config.style_appearance()];
         let field = Field::new(config.field.clone());
         let weights = file.radiance.weights.clone();
         Self {
-            renderer: Renderer::open(field, weights, file.grids.clone(), apps),
+            renderer: Renderer::open(
+                field,
+                weights,
+                file.grids.clone(),
+                file.photo_app().clone(),
+                &config.style_appearance(),
+            ),
             file,
             encoder: OnceLock::new(),
             sample: OnceLock::new(),
@@ -98,8 +103,8 @@ impl Model {
                 self.encoder.get_or_init(|| made)
             }
         };
-        let side = self.file.config.style.pictures.side;
-        let statistics = painting_statistics(&encoder.vgg, painting, side)?;
+        let pictures = &self.file.config.style.pictures;
+        let statistics = painting_statistics(&encoder.vgg, painting, pictures)?;
         Ok(StyleEmbedding {
             code: encoder.vae.encode(&statistics),
             colors: ColorStatistics::of_picture(painting),
@@ -119,36 +124,20 @@ impl Model {
         embedded.collect()
     }
 
-    /// The appearance that a painting gives, extrapolated as the configuration says, or `None` if
-    /// the style stage has not run. The hypernetwork runs once, here. What its colours lack of the
-    /// painting's mean and contrast over the training views is then made up for, to the strength
-    /// that the configuration gives, by one linear map of all colours, the same everywhere, so that
-    /// views keep agreeing.
+    /// The appearance that a painting gives, or `None` if
+    /// nothing predicts one. The hypernetwork runs once, here.
     pub fn appearance(&self, embedding: &StyleEmbedding) -> Option<StyledAppearance> {
-        let predicted = self.predicted(&embedding.code)?;
-        Some(self.styled(predicted, &embedding.colors))
+        let appearance = self.predicted(embedding)?;
+        Some(StyledAppearance::new(appearance))
     }
 
-    /// W^app that the hypernetworks give for an extrapolated code.
-    pub fn predicted(&self, code: &StyleCode) -> Option<Appearance> {
+    /// What [`Self::appearance`] shades with.
+    pub fn predicted(&self, embedding: &StyleEmbedding) -> Option<Appearance> {
         let config = &self.file.config;
-        let code = code.scaled(config.style.style_extrapolation);
+        let palette = self.photo_colors().palette_of(&embedding.colors);
         let style = self.file.style.as_ref()?;
-        let levels = style.appearances(config, &code, &self.renderer.device());
+        let levels = style.appearances(config, &embedding.code, palette, &self.renderer.device());
         levels.into_iter().next_back()
-    }
-
-    /// An appearance, its colours moved towards a painting's.
-    pub fn styled(&self, appearance: Appearance, colors: &ColorStatistics) -> StyledAppearance {
-        let strength = self.file.config.style.color_transfer_strength;
-        let styled = StyledAppearance {
-            appearance,
-            transfer: None,
-        };
-        if strength == 0.0 {
-            return styled;
-        }
-        self.colored(styled, colors, strength)
     }
 
     /// An appearance whose colours over the training views are moved towards the mean and covariance
@@ -172,7 +161,7 @@ impl Model {
     }
 
     /// The scene's own colours over the training views.
-    pub(crate) fn photo_colors(&self) -> ColorStatistics {
+    pub fn photo_colors(&self) -> ColorStatistics {
         *self.photo_colors.get_or_init(|| {
             let photo = self.file.photo_app();
             color_statistics(photo, &self.sample(&photo.config))
@@ -188,8 +177,7 @@ impl Model {
         for photo in cameras.into_iter().step_by(step) {
             let small = photo.camera.resized(SAMPLED_SIDE, SAMPLED_SIDE);
             let all = CameraRays::new(&small, None).all();
-            rays.origins.extend(all.origins);
-            rays.directions.extend(all.directions);
+            rays.extend(all);
         }
         if rays.is_empty() {
             return Vec::new();

@@ -39,11 +39,6 @@ impl StyleCode {
         })
     }
 
-    /// `factor` times as far from the average painting, whose code is zero.
-    pub fn scaled(&self, factor: f32) -> Self {
-        Self(self.0.iter().map(|c| c * factor).collect())
-    }
-
     /// As a network input, `[1, 512]`.
     pub fn tensor(&self, device: &Device) -> Tensor<2> {
         Tensor::from_data(TensorData::new(self.0.clone(), [1, Self::LEN]), device)

@@ -5,10 +5,10 @@
 
 use impasto_model::{
     ColorPreservation, Model, STYLE_SIDE, StyleEmbedding, StyledAppearance, ViewGBuffer,
-    painting_statistics,
+    square_statistics,
 };
 use impasto_scene::{Split, read_rgb};
-use impasto_style::Statistics;
+use impasto_style::{Statistics, square_crop};
 use std::error::Error;
 use std::io::Write;
 use std::path::Path;
@@ -40,11 +40,8 @@ impl Gallery {
     fn statistics(&self, view: &ViewGBuffer, pixels: &[f32]) -> Answer<Statistics> {
         let bytes = pixels.iter().map(|v| (v * 255.0).round() as u8).collect();
         let picture = image::RgbImage::from_raw(view.width as u32, view.height as u32, bytes);
-        Ok(painting_statistics(
-            &self.vgg,
-            &picture.ok_or("no picture")?,
-            STYLE_SIDE,
-        )?)
+        let square = square_crop(&picture.ok_or("no picture")?, 1.0, (0.5, 0.5), STYLE_SIDE);
+        Ok(square_statistics(&self.vgg, &square)?)
     }
 
     /// Mean over the views of a number of their painted and their plain statistics.
@@ -81,7 +78,10 @@ fn main() -> Answer<()> {
     let mut known: Vec<(&str, Statistics, StyleEmbedding)> = Vec::new();
     for name in paintings {
         let painting = read_rgb(Path::new(name))?;
-        let wanted = painting_statistics(&gallery.vgg, &painting, STYLE_SIDE)?;
+        let wanted = square_statistics(
+            &gallery.vgg,
+            &square_crop(&painting, 1.0, (0.5, 0.5), STYLE_SIDE),
+        )?;
         let embedding = gallery.model.embedding(&painting)?;
         let appearance = gallery.appearance(&[(embedding.clone(), 1.0)])?;
         write!(out, "{name}:")?;

@@ -11,6 +11,7 @@ mod geometry;
 mod hash;
 mod optimizer;
 mod paintings;
+mod progress;
 mod readback;
 mod run;
 mod smooth;
@@ -20,11 +21,12 @@ pub use error::TrainError;
 pub use event::{Event, Stage};
 pub use geometry::{GeometryStage, PhotoRays, StepReport, TrainedGeometry, photo_rays, refit};
 pub use paintings::{
-    FIRST_GENERATED, MOST_STYLES, Paintings, Style, StyleSet, StyleSources, cache_folder,
+    CROPS, FIRST_GENERATED, MOST_STYLES, Paintings, Style, StyleSet, StyleSources, cache_folder,
     painting_folder, read_paintings,
 };
 pub use run::{Recovery, TrainOptions, TrainSummary, Unfinished, train};
 pub use style::{
-    EncoderCheck, EncoderOptions, EncoderSummary, Refinement, StyleNetworks, StyleReport,
-    StyleStage, check_encoder, read_encoder, train_encoder,
+    EncoderCheck, EncoderOptions, EncoderSummary, PainterOptions, PainterSummary, Refinement,
+    StyleNetworks, StyleReport, StyleStage, check_encoder, read_encoder, read_painter,
+    train_encoder, train_painter,
 };

@@ -15,11 +15,11 @@ pub(crate) struct Rate {
 }
 
 impl Rate {
-    /// That of a parameter of looks: of a canvas, or of everything else.
-    pub(crate) fn of_look(name: &str, canvas: f32, other: f32) -> Self {
-        let sparse = name.ends_with(".canvas");
+    /// That of a parameter of looks: of a texture, or of everything else.
+    pub(crate) fn of_look(name: &str, texture: f32, other: f32) -> Self {
+        let sparse = name == "texture";
         Self {
-            rate: if sparse { canvas } else { other },
+            rate: if sparse { texture } else { other },
             sparse: sparse.then_some(Sparse { decay: 0.0 }),
         }
     }
@@ -73,13 +73,6 @@ impl<P: Parameters> Adam<P> {
                 let Rate { rate, sparse } = rate(name);
                 param.step(gradient, rate, sparse);
             }
-        }
-    }
-
-    /// Forgets the moments.
-    pub(crate) fn forget(&mut self) {
-        for param in &mut self.params {
-            *param = AdamParam::new(param.value());
         }
     }
 

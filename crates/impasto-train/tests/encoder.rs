@@ -78,8 +78,8 @@ fn a_model_carries_the_encoder_that_it_was_trained_with() {
 
     let painting = paint(&Recipe::random(3), 64, 64);
     let vgg = Perceptual::vgg16().unwrap();
-    let side = model.file.config.style.pictures.side;
-    let statistics = painting_statistics(&vgg, &painting, side).unwrap();
+    let pictures = &model.file.config.style.pictures;
+    let statistics = painting_statistics(&vgg, &painting, pictures).unwrap();
     let code = model.embedding(&painting).unwrap().code;
     assert_eq!(code, own.encode(&statistics));
     assert_ne!(code, StyleVae::shipped().unwrap().encode(&statistics));

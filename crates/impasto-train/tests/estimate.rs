@@ -53,6 +53,11 @@ fn a_time_is_filled_with_steps_and_steps_take_their_time() {
     let budget = Budget::Time(Duration::from_secs(600));
     let found = estimate(&scene, &fast, budget, rates);
     assert_eq!(found.seconds, Some(600.0));
+    // The painter that the program holds need not learn: 5 % for held-out views, 2 % for checks.
+    assert_eq!(found.steps, Some([5580, 0]));
+    let mut other = fast.clone();
+    other.style.hyper_width = 65;
+    let found = estimate(&scene, &other, budget, rates);
     // A fifth for the geometry stage; of the rest, 2 % are kept for checks.
     assert_eq!(found.steps, Some([1200, 2340]));
     assert_eq!(estimate(&scene, &fast, budget, None).steps, None);
@@ -72,7 +77,7 @@ fn memory_grows_with_pixels_and_shrinking_makes_it_fit() {
     let needed = |scene| bytes_needed(scene, &fast) as f64;
     // What 3,000 steps of fox at a quarter of its size peaked at, with photos of little weight.
     let small_gib = needed(&small) / GIB;
-    assert!((small_gib - 0.87).abs() < 0.15, "{small_gib}");
+    assert!((small_gib - 0.49).abs() < 0.07, "{small_gib}");
     let more = needed(&large) - needed(&small);
     // 14 of 16 photos as floats, all of them as bytes.
     let pixels = 1600.0 * 1200.0;

@@ -310,6 +310,7 @@ fn samples(golden: &Golden) -> Samples {
         outer,
         layout: Arc::new(layout),
         views: RayBatch {
+            touches: vec![0.0; origins.len()],
             origins,
             directions,
         }
@@ -330,7 +331,7 @@ fn a_render_of_the_geometry_stage_agrees() {
         config: app(false),
         inner: leaf(golden.flat("param.fg_net.", &APP)),
         outer: leaf(golden.flat("param.bg_net.", &APP)),
-        canvas: None,
+        paint: None,
         latent: weights.latent.clone(),
     };
     let rgb = colours(&field, &golden, &weights, &app);
@@ -360,7 +361,7 @@ fn a_render_of_the_stylization_stage_agrees() {
         config: app(true),
         inner,
         outer,
-        canvas: None,
+        paint: None,
         latent: None,
     };
     let rgb = colours(&field, &golden, &weights, &app);

@@ -6,7 +6,7 @@ mod common;
 
 use impasto_model::{MODEL_FILE, TrainConfig};
 use impasto_style::{Perceptual, StyleVae};
-use impasto_train::{Event, StyleSet, StyleSources, painting_folder, train};
+use impasto_train::{CROPS, Event, StyleSet, StyleSources, painting_folder, train};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -40,6 +40,7 @@ impl Place {
         let folder = painting_folder(&self.styles()).unwrap();
         let cache = self.cache();
         let sources = StyleSources {
+            crops: CROPS,
             folder: Some(&folder),
             generated: 2,
             patch: [67, 81],

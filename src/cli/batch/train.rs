@@ -65,7 +65,7 @@ fn options(table: &TrainTable, device: Device) -> Result<TrainOptions, CliError>
             BatchStages::Geometry => Stages::Geometry,
         },
         config: settings::configure(&preset, table.config.as_deref(), &table.set)?,
-        budget: budget.get_or(BudgetArgs::DEFAULT),
+        budget: budget.get_or(BudgetArgs::usual(table.preset, table.styles.is_some())),
         load: LoadOptions {
             downscale: table.downscale,
             format: table.format,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use impasto::scene::builtin::{BuiltinOptions, write_capture};
 use impasto::scene::{Format, LoadOptions, MaskUse, load};
-use impasto::{Device, Model, Recovery, TrainConfig, TrainOptions, TrainSummary, Unfinished};
+use impasto::{Device, Model, Recovery, TrainOptions, TrainSummary, Unfinished};
 use serde_json::json;
 
 use self::styles::HeldOutStyle;
@@ -20,10 +20,8 @@ use super::values::size;
 use super::{CliError, CommandOutput, console, to_json};
 use crate::output::{check_folder, write_file, write_png};
 
-/// With rendering, four minutes on two cores.
-const TRAINING: Duration = Duration::from_secs(190);
-/// Of so short a time, geometry needs more than its usual share.
-const GEOMETRY_SHARE: f64 = 0.4;
+/// With rendering, less than three minutes on two cores.
+const TRAINING: Duration = Duration::from_secs(120);
 
 /// Make photos, train, and repaint: everything on a built-in synthetic scene, without downloads
 #[derive(Debug, Args)]
@@ -92,10 +90,6 @@ pub fn run(args: &DemoArgs) -> Result<CommandOutput, CliError> {
 
 fn trained(args: &DemoArgs, device: Device) -> Result<TrainSummary, CliError> {
     watched(&TrainOptions {
-        config: TrainConfig {
-            geometry_share: GEOMETRY_SHARE,
-            ..TrainConfig::fast()
-        },
         budget: args.budget.get_or(TRAINING),
         load: LoadOptions {
             format: Some(Format::Transforms),

@@ -31,7 +31,7 @@ impl TrainingEstimates {
             Ok(estimate(scene, config, budget, rates))
         };
         Ok(Self {
-            fast: of(&TrainConfig::fast(), Budget::Time(BudgetArgs::DEFAULT))?,
+            fast: of(&TrainConfig::fast(), Budget::Time(BudgetArgs::GEOMETRY))?,
             paper: of(&TrainConfig::paper(), Budget::Steps(PAPER_STEPS))?,
             memory: available_memory(),
         })

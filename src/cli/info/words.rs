@@ -225,6 +225,10 @@ fn cost(training: &TrainingEstimates, downscale: u32) -> String {
 fn within(estimate: &Estimate) -> String {
     let time = clock(estimate.seconds.unwrap_or(0.0));
     match estimate.steps {
+        Some([geometry, 0]) => format!(
+            "the default budget of {time} is enough for about {} steps of geometry; it paints at once",
+            rounded(geometry)
+        ),
         Some([geometry, style]) => format!(
             "the default budget of {time} is enough for about {} steps of geometry and {} of style",
             rounded(geometry),

@@ -9,7 +9,7 @@ use crate::encoding::frequencies_of;
 use crate::field::{Field, FieldWeights};
 use crate::grids::OccupancyGrids;
 use crate::rays::{RayBatch, jitter};
-use crate::volrend::gbuffer::{CanvasPoints, GBuffer, VolumeBuffer};
+use crate::volrend::gbuffer::{GBuffer, MergedSurface};
 use burn::tensor::{Device, Tensor};
 use impasto_kernels::gpu::{
     self, DensityGrids, FieldSamples, FieldSpec, MergedSamples, RaySamples, Rays, surface_layout,
@@ -80,12 +80,11 @@ impl GpuField {
         if apps[1].shading == Shading::Samples {
             return None;
         }
-        let specs = apps.map(|config| field_spec(field, config, &device));
-        let [Some(spec), Some(other)] = specs else {
-            return None;
-        };
+        let spec = field_spec(field, apps[0], &device)?;
+        let painter = apps[1].network(0);
+        let layers = painter.layers().map(|layer| layer.inputs);
         Some(Self {
-            widest: spec.widest().max(other.widest()),
+            widest: layers.fold(spec.widest(), usize::max),
             grids: DensityGrids::new([&grids.inner, &grids.outer], None, &device),
             spec,
         })
@@ -169,20 +168,20 @@ impl Backend for Gpu<'_> {
 
     fn accumulate(&self, evaluated: &GpuValues, spec: BufferSpec<'_>) -> GBuffer {
         let (merged, directions) = (&evaluated.merged, &evaluated.directions);
-        let [rays, _] = directions.dims();
-        let views = encoded_views(directions, &spec.config.app);
+        let [count, _] = directions.dims();
+        let (rays, views) = ((0..count).collect::<Vec<_>>(), spec.rays.views());
         let volume = |v: usize| {
-            let canvas = spec.config.shading.canvas().map(|grid| {
-                CanvasPoints::new(*grid, merged.points[v].clone(), merged.footprint[v].clone())
-            });
-            Some(VolumeBuffer {
+            let surface = MergedSurface {
                 features: merged.features[v].clone(),
-                views: views.clone(),
-                canvas,
-            })
+                points: merged.points[v].clone(),
+                stretch: merged.footprint[v].clone(),
+                rays: &rays,
+                outer: v == 1,
+            };
+            Some(surface.painted(spec.photo, spec.rays, &views))
         };
         GBuffer {
-            layout: Arc::new(surface_layout(rays)),
+            layout: Arc::new(surface_layout(count)),
             volumes: [volume(0), volume(1)],
             density: merged.density.clone(),
         }

@@ -24,6 +24,10 @@ pub(crate) struct BufferSpec<'a> {
     /// Samples with less weight are left out, where samples are shaded; see
     /// [`crate::volrend::weights::visibility_mask`].
     pub(crate) least_weight: f32,
+    /// The unstylised appearance.
+    pub(crate) photo: &'a Appearance,
+    /// The rays.
+    pub(crate) rays: &'a RayBatch,
 }
 
 /// How rays become pixels. All without gradients.

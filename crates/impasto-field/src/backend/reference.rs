@@ -160,7 +160,7 @@ impl Backend for Reference<'_> {
         let device = values.density.device();
         if spec.config.shading == Shading::Samples {
             let keep = visibility_mask(&samples.layout, weights, spec.least_weight);
-            return kept(values, &keep, spec);
+            return kept(values, &keep, spec.config);
         }
         let rows = values.features.each_ref().map(|features| {
             let rows = features.clone().map(host);
@@ -174,7 +174,7 @@ impl Backend for Reference<'_> {
             width: *width,
         });
         let merged = accumulate(samples, features, weights);
-        GBuffer::of_merged(merged, &samples.views, spec.config, &device)
+        GBuffer::of_merged(merged, spec.photo, spec.rays, &device)
     }
 
     fn shader(&self, appearance: &Appearance) -> Appearance {
@@ -187,22 +187,20 @@ impl Backend for Reference<'_> {
         shader: &Appearance,
         least_weight: f32,
     ) -> Tensor<2> {
-        let spec = BufferSpec {
-            config: &shader.config,
-            least_weight,
-        };
-        self.accumulate(evaluated, spec).shade(shader)
+        let samples = &evaluated.values.samples;
+        let keep = visibility_mask(&samples.layout, &evaluated.weights, least_weight);
+        kept(&evaluated.values, &keep, &shader.config).shade(shader)
     }
 }
 
 /// Of samples that `keep` says, one flag per sample in layout order.
-fn kept(values: &FieldValues, keep: &[bool], spec: BufferSpec<'_>) -> GBuffer {
+fn kept(values: &FieldValues, keep: &[bool], config: &AppearanceConfig) -> GBuffer {
     let FieldValues {
         samples,
         features,
         density,
     } = values;
-    let (config, views) = (spec.config, &samples.views);
+    let views = &samples.views;
     if !keep.contains(&false) {
         return values.gbuffer(config);
     }

@@ -105,7 +105,7 @@ fn gradients(app: &AppearanceConfig, volumes: [Volume<Tensor<1>>; 2]) -> Radianc
         config: app.clone(),
         inner: inner.app,
         outer: outer.app,
-        canvas: None,
+        paint: None,
         latent: None,
     };
     let weights = FieldWeights {

@@ -4,9 +4,10 @@
 use crate::appearance::Appearance;
 use crate::config::AppearanceConfig;
 use crate::encoding::{frequencies, matrix};
+use crate::rays::RayBatch;
 use crate::volrend::accumulate::MergedRays;
 use burn::tensor::{Device, Tensor};
-use impasto_kernels::{CompositeLayout, HashGridSpec, RaySpan, ops};
+use impasto_kernels::{CompositeLayout, RaySpan, ops};
 use std::sync::Arc;
 
 /// Samples of rays, or what they were accumulated to, with everything that `app` of one
@@ -19,56 +20,96 @@ pub struct GBuffer {
     pub(crate) density: Tensor<1>,
 }
 
-/// One volume's part.
+/// One volume's part: what `app` sees of its samples.
 #[derive(Debug, Clone)]
-pub(crate) struct VolumeBuffer {
-    /// `[n, width]`.
+pub(crate) enum VolumeBuffer {
+    /// Of every sample.
+    Samples {
+        /// `[n, width]`.
+        features: Tensor<2>,
+        /// Encoded view directions, where `app` sees them.
+        views: Option<Tensor<2>>,
+    },
+    /// Of samples that were accumulated to one a ray.
+    Painted {
+        /// Unstylised colours, `[n, 3]`.
+        colours: Tensor<2>,
+        /// Contracted positions with their footprints, `[n, 4]`.
+        places: Tensor<2>,
+    },
+}
+
+/// One volume's accumulated samples, before the painter sees them.
+pub(crate) struct MergedSurface<'a> {
+    /// Mean features, `[n, width]`.
     pub(crate) features: Tensor<2>,
-    /// Encoded view directions, where `app` sees them.
-    pub(crate) views: Option<Tensor<2>>,
-    pub(crate) canvas: Option<CanvasPoints>,
+    /// Mean points, `[n, 3]`, in the unit cube.
+    pub(crate) points: Tensor<2>,
+    /// Standard deviation, `[n]`, of the points in the unit cube that light comes from.
+    pub(crate) stretch: Tensor<1>,
+    /// Whose they are: numbers of rays, of each sample.
+    pub(crate) rays: &'a [usize],
+    /// Whether this is the outer volume.
+    pub(crate) outer: bool,
 }
 
-/// Where on the canvas samples are.
-#[derive(Debug, Clone)]
-pub(crate) struct CanvasPoints {
-    grid: HashGridSpec,
-    /// `[n, 3]`, in the unit cube.
-    points: Tensor<2>,
-    /// What is left of the grid's levels there.
-    attenuation: Tensor<2>,
-}
+/// How much of the stretch of a ray that light comes from counts as footprint: in a haze, what is finer
+/// would be something else for every view.
+const HAZE: f32 = 0.1;
 
-impl CanvasPoints {
-    /// Mean points, `[n, 3]`, in the unit cube, with their footprints, `[n]`.
-    pub(crate) fn new(grid: HashGridSpec, points: Tensor<2>, footprint: Tensor<1>) -> Self {
-        Self {
-            attenuation: attenuation(&grid, footprint),
-            points,
-            grid,
+impl MergedSurface<'_> {
+    /// The unstylised colours.
+    fn colours(&self, photo: &Appearance, views: &[f32]) -> Tensor<2> {
+        let device = self.points.device();
+        let views = encoded_views(views, self.rays.iter().copied(), &photo.config, &device);
+        let weights = match self.outer {
+            true => &photo.outer,
+            false => &photo.inner,
+        };
+        let network = photo.config.network(self.features.dims()[1]);
+        let weights = network.folded(weights, photo.latent.as_ref());
+        let inputs = [self.features.clone()].into_iter().chain(views).collect();
+        network.forward(inputs, weights, None)
+    }
+
+    /// Contracted positions, of one scale in both volumes: the unit ball has half the radius of all space,
+    /// 1. With each the footprint of a brush's finest touch there.
+    fn places(&self, batch: &RayBatch) -> Tensor<2> {
+        let device = self.points.device();
+        let origins = self.rays.iter().flat_map(|ray| batch.origins[*ray]);
+        let origins = matrix(origins.collect(), 3, &device);
+        let touches = self.rays.iter().map(|ray| batch.touches[*ray]);
+        let touches = matrix(touches.collect(), 1, &device);
+        let length = |rows: Tensor<2>| rows.square().sum_dim(1).sqrt();
+        // The inner cube is one unit wide, the outer one two.
+        let scale = if self.outer { 2.0 } else { 1.0 };
+        let places = (self.points.clone() - 0.5) * scale;
+        let distance = if self.outer {
+            let radius = length(places.clone()).clamp(0.5, 1.0);
+            let inverse = (-radius.clone() + 1.0) * 2.0;
+            let direction = places.clone() / radius.clone();
+            length(direction - origins * inverse) * radius
+        } else {
+            length(places.clone() - origins * 0.5)
+        };
+        let stretch = self.stretch.clone().unsqueeze_dim::<2>(1) * (scale * HAZE);
+        let footprint = ((distance * touches).square() + stretch.square()).sqrt();
+        Tensor::cat(vec![places, footprint], 1)
+    }
+
+    /// What the painter sees of them; `photo` is the unstylised appearance, `views` are unit directions of
+    /// the rays, `rays × 3`.
+    pub(crate) fn painted(
+        &self,
+        photo: &Appearance,
+        batch: &RayBatch,
+        views: &[f32],
+    ) -> VolumeBuffer {
+        VolumeBuffer::Painted {
+            colours: self.colours(photo, views),
+            places: self.places(batch),
         }
     }
-
-    /// What is painted there.
-    fn encode(&self, canvas: &Tensor<1>) -> Tensor<2> {
-        let strokes = ops::hash_encode(self.points.clone(), canvas.clone(), self.grid);
-        strokes * self.attenuation.clone()
-    }
-}
-
-/// How much of a canvas is left for a ray whose light comes from a stretch of it: what is finer than
-/// the stretch would average out, and read at the mean place instead it is something else for every
-/// view. Half of a level is left where the standard deviation of the stretch is one of its cells.
-///
-/// # Shapes
-/// `footprint`: `[n]`, in the unit cube; result: `[n, levels × features]` in `(0, 1]`. Constants:
-/// nothing flows back to where light comes from.
-fn attenuation(grid: &HashGridSpec, footprint: Tensor<1>) -> Tensor<2> {
-    let cells = (0..grid.levels)
-        .flat_map(|level| std::iter::repeat_n(grid.resolution(level), grid.features));
-    let cells = matrix(cells.collect(), grid.outputs(), &footprint.device());
-    let stretch = footprint.unsqueeze_dim::<2>(1) * cells;
-    (stretch.square() + 1.0).recip()
 }
 
 /// Encoded directions of the rays that samples belong to, `[n, …]`, where `app` sees them.
@@ -86,50 +127,98 @@ fn encoded_views<'a>(
 }
 
 impl VolumeBuffer {
+    fn parts(&self) -> impl Iterator<Item = &Tensor<2>> {
+        let (first, second) = match self {
+            Self::Samples { features, views } => (features, views.as_ref()),
+            Self::Painted { colours, places } => (colours, Some(places)),
+        };
+        [first].into_iter().chain(second)
+    }
+
+    fn samples(&self) -> usize {
+        self.parts().next().map_or(0, |rows| rows.dims()[0])
+    }
+
     fn numbers(&self) -> usize {
-        let canvas = self.canvas.iter().flat_map(|c| [&c.points, &c.attenuation]);
-        let all = canvas.chain(&self.views).chain([&self.features]);
-        all.map(|rows| rows.dims().iter().product::<usize>()).sum()
+        let sizes = self
+            .parts()
+            .map(|rows| rows.dims().iter().product::<usize>());
+        sizes.sum()
     }
 
     fn map(self, f: &impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
-        Self {
-            features: f(self.features),
-            views: self.views.map(f),
-            canvas: self.canvas.map(|canvas| CanvasPoints {
-                points: f(canvas.points),
-                attenuation: f(canvas.attenuation),
-                ..canvas
-            }),
+        match self {
+            Self::Samples { features, views } => Self::Samples {
+                features: f(features),
+                views: views.map(f),
+            },
+            Self::Painted { colours, places } => Self::Painted {
+                colours: f(colours),
+                places: f(places),
+            },
         }
     }
 
+    /// Those of one configuration, one after the other.
     fn join(parts: Vec<Self>) -> Option<Self> {
         let cat = |all: Vec<Tensor<2>>| (!all.is_empty()).then(|| Tensor::cat(all, 0));
-        let (mut features, mut views, mut canvas) =
-            (Vec::new(), Vec::new(), [const { Vec::new() }; 2]);
-        let grid = parts.first()?.canvas.as_ref().map(|canvas| canvas.grid);
+        let (mut first, mut second) = (Vec::new(), Vec::new());
+        let painted = matches!(parts.first()?, Self::Painted { .. });
         for part in parts {
-            features.push(part.features);
-            views.extend(part.views);
-            if let Some(own) = part.canvas {
-                canvas[0].push(own.points);
-                canvas[1].push(own.attenuation);
+            match part {
+                Self::Samples { features, views } => {
+                    first.push(features);
+                    second.extend(views);
+                }
+                Self::Painted { colours, places } => {
+                    first.push(colours);
+                    second.push(places);
+                }
             }
         }
-        let [points, attenuation] = canvas.map(cat);
-        Some(Self {
-            features: cat(features)?,
-            views: cat(views),
-            canvas: grid
-                .zip(points)
-                .zip(attenuation)
-                .map(|((grid, points), attenuation)| CanvasPoints {
-                    grid,
-                    points,
-                    attenuation,
-                }),
+        let (first, second) = (cat(first)?, cat(second));
+        Some(match (painted, second) {
+            (true, Some(places)) => Self::Painted {
+                colours: first,
+                places,
+            },
+            (_, views) => Self::Samples {
+                features: first,
+                views,
+            },
         })
+    }
+
+    /// Colour of every sample; `app` is the volume's W^app.
+    fn colours(&self, look: &Appearance, app: &Tensor<1>, known: Option<Tensor<2>>) -> Tensor<2> {
+        let (inputs, ground) = match self {
+            Self::Samples { features, views } => {
+                let inputs = [features].into_iter().chain(views).cloned();
+                (inputs.collect(), None)
+            }
+            Self::Painted { colours, places } => {
+                let Some(paint) = &look.paint else {
+                    unreachable!("an appearance of this configuration has paint");
+                };
+                let ground = paint.palette.whiten(colours.clone());
+                let strokes = ops::solid_texture(places.clone(), paint.texture.clone(), paint.spec);
+                (
+                    vec![ground.clone(), strokes],
+                    Some((ground, &paint.palette)),
+                )
+            }
+        };
+        let width = inputs.first().map_or(0, |rows: &Tensor<2>| rows.dims()[1]);
+        let network = look.config.network(width);
+        let weights = network.folded(app, look.latent.as_ref());
+        match ground {
+            None => network.forward(inputs, weights, known),
+            // Computed again where it is known: a few numbers a sample.
+            Some((ground, palette)) => {
+                let added = network.forward(inputs, weights, None);
+                palette.colour(ground + added)
+            }
+        }
     }
 }
 
@@ -152,10 +241,9 @@ impl GBuffer {
                 let own = if outer { &span.outer } else { &span.inner };
                 std::iter::repeat_n(ray, own.len())
             });
-            Some(VolumeBuffer {
+            Some(VolumeBuffer::Samples {
                 features: features?,
                 views: encoded_views(views, rays, config, &device),
-                canvas: None,
             })
         });
         Self {
@@ -165,24 +253,26 @@ impl GBuffer {
         }
     }
 
-    /// Of rays that were accumulated to one sample a volume, with their unit directions.
+    /// Of rays that were accumulated to one sample a volume; `photo` is the unstylised appearance.
     pub(crate) fn of_merged(
         merged: MergedRays,
-        views: &[f32],
-        config: &AppearanceConfig,
+        photo: &Appearance,
+        rays: &RayBatch,
         device: &Device,
     ) -> Self {
-        let grid = config.shading.canvas();
+        let views = rays.views();
+        let mut outer = false;
         let volumes = merged.volumes.map(|own| {
-            let width = own.features.len().checked_div(own.rays.len())?;
-            let footprint = || Tensor::from_data(own.footprint.as_slice(), device);
-            Some(VolumeBuffer {
-                canvas: grid.map(|grid| {
-                    CanvasPoints::new(*grid, matrix(own.cube.clone(), 3, device), footprint())
-                }),
-                views: encoded_views(views, own.rays.iter().copied(), config, device),
+            let width = own.features.len().checked_div(own.rays.len());
+            let surface = width.map(|width| MergedSurface {
                 features: matrix(own.features, width, device),
-            })
+                points: matrix(own.cube, 3, device),
+                stretch: Tensor::from_data(own.footprint.as_slice(), device),
+                rays: &own.rays,
+                outer,
+            });
+            outer = true;
+            surface.map(|surface| surface.painted(photo, rays, &views))
         });
         Self {
             layout: Arc::new(merged.layout),
@@ -288,28 +378,14 @@ impl GBuffer {
     /// Result and `known`: `[samples, 3]`, inner ones first.
     pub fn colours(&self, appearance: &Appearance, known: Option<&Tensor<2>>) -> Tensor<2> {
         let mut start = 0;
-        let canvas = appearance.canvas.as_ref();
-        let weights = [
-            (&appearance.inner, canvas.map(|c| &c.inner)),
-            (&appearance.outer, canvas.map(|c| &c.outer)),
-        ];
+        let weights = [&appearance.inner, &appearance.outer];
         let mut colours = Vec::new();
-        for (volume, (app, canvas)) in self.volumes.iter().zip(weights) {
+        for (volume, app) in self.volumes.iter().zip(weights) {
             let Some(volume) = volume else { continue };
-            let [samples, width] = volume.features.dims();
-            let range = start..start + samples;
+            let range = start..start + volume.samples();
             start = range.end;
             let known = known.map(|colours| colours.clone().slice_dim(0, range));
-            let points = volume.canvas.iter().zip(canvas);
-            let strokes = points.map(|(points, canvas)| points.encode(canvas));
-            let others = volume.views.iter().cloned().chain(strokes);
-            let inputs = [volume.features.clone()]
-                .into_iter()
-                .chain(others)
-                .collect();
-            let network = appearance.config.network(width);
-            let weights = network.folded(app, appearance.latent.as_ref());
-            colours.push(network.forward(inputs, weights, known));
+            colours.push(volume.colours(appearance, app, known));
         }
         match colours.len() {
             1 => colours.remove(0),
@@ -327,26 +403,41 @@ impl GBuffer {
 mod tests {
     use super::*;
     use crate::encoding::host;
+    use crate::sphere::{inner_cube, outer_cube};
+
+    /// Place and footprint of a point in the cube of its volume, seen from near the origin.
+    fn place(cube: [f32; 3], outer: bool, stretch: f32) -> Vec<f32> {
+        let mut batch = RayBatch::default();
+        batch.push_painted([0.1, 0.0, 0.0], [0.0, 0.0, 1.0], 0.01);
+        let device = Device::flex();
+        let surface = MergedSurface {
+            features: Tensor::zeros([1, 1], &device),
+            points: matrix(cube.to_vec(), 3, &device),
+            stretch: Tensor::from_floats([stretch], &device),
+            rays: &[0],
+            outer,
+        };
+        host(surface.places(&batch))
+    }
 
     #[test]
-    fn fine_levels_fade_before_coarse_ones() {
-        let grid = HashGridSpec {
-            levels: 2,
-            features: 2,
-            log2_entries: 8,
-            coarsest: 10.0,
-            finest: 100.0,
-        };
-        let footprint = Tensor::from_floats([0.0, 0.01, 0.1], &Device::flex());
-        let found = attenuation(&grid, footprint);
-        assert_eq!(found.dims(), [3, 4]);
-        let wanted = [
-            [1.0; 4],
-            [1.0 / 1.01, 1.0 / 1.01, 0.5, 0.5],
-            [0.5, 0.5, 1.0 / 101.0, 1.0 / 101.0],
-        ];
-        for (found, wanted) in host(found).iter().zip(wanted.as_flattened()) {
-            assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
+    fn paint_does_not_change_where_one_volume_ends() {
+        let direction = [0.6, 0.0, 0.8f32];
+        let inside = place(inner_cube(direction.map(|c| 0.9999 * c)), false, 0.0);
+        let [x, y, z] = direction;
+        let outside = place(outer_cube([x, y, z, 0.9999]), true, 0.0);
+        for (a, b) in inside.iter().zip(&outside) {
+            assert!((a - b).abs() < 1e-3, "{inside:?} {outside:?}");
         }
+        // Half the scene's unit, 0.943 away.
+        assert!((inside[3] - 0.5 * 0.01 * 0.943).abs() < 1e-4, "{inside:?}");
+    }
+
+    #[test]
+    fn footprints_stay_finite_at_infinity_and_grow_in_haze() {
+        let far = place(outer_cube([0.0, 0.0, 1.0, 0.0]), true, 0.0);
+        assert_eq!(far, [0.0, 0.0, 1.0, 0.01]);
+        let hazy = place(outer_cube([0.0, 0.0, 1.0, 0.0]), true, 0.5);
+        assert!((hazy[3] - (0.01f32.powi(2) + 0.1f32.powi(2)).sqrt()).abs() < 1e-6);
     }
 }

@@ -6,7 +6,7 @@ use impasto_field::{
     AppConfig, AppearanceConfig, EncodingConfig, Field, FieldConfig, OccupancyGrids, RayBatch,
     SamplingConfig, Shading, VolumeConfig,
 };
-use impasto_kernels::{Density, HashGridSpec, OccupancySpec};
+use impasto_kernels::{Density, HashGridSpec, OccupancySpec, SolidTextureSpec};
 
 pub fn config(encoding: &EncodingConfig) -> FieldConfig {
     let volume = VolumeConfig {
@@ -72,12 +72,15 @@ pub fn app() -> AppearanceConfig {
     }
 }
 
-/// Paint: shaded on surfaces.
+/// Paint: shaded once a ray and volume.
 pub fn paint() -> AppearanceConfig {
     AppearanceConfig {
-        shading: Shading::Surface {
-            canvas: Some(hash_grid_spec()),
-        },
+        shading: Shading::Painted(SolidTextureSpec {
+            octaves: 3,
+            side: 6,
+            finest: 2.0,
+            ratio: 1.5,
+        }),
         ..app()
     }
 }
@@ -87,9 +90,10 @@ pub fn many_rays() -> RayBatch {
     let mut rays = RayBatch::default();
     for i in 0..300 {
         let at = |k: f32| (i as f32 * k).sin();
-        rays.push(
+        rays.push_painted(
             [0.3 * at(0.7), 0.3 * at(1.3), -0.4],
             [0.4 * at(2.1), 0.4 * at(0.9), 1.0],
+            0.01,
         );
     }
     rays

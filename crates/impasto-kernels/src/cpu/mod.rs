@@ -10,6 +10,7 @@ pub mod mlp;
 pub mod passes;
 pub mod perceptual;
 pub mod radiance;
+pub mod solid_texture;
 
 pub(crate) mod padded;
 

@@ -193,26 +193,26 @@ pub(crate) fn encode_into(
 
 /// One unit a row, levels along the second axis; rows that one axis does not hold go on along the
 /// third.
-fn cubes(rows: usize, levels: usize) -> CubeCount {
+pub(super) fn cubes(rows: usize, levels: usize) -> CubeCount {
     let cubes = rows.div_ceil(UNITS as usize);
     let across = cubes.clamp(1, MOST_CUBES);
     CubeCount::Static(across as u32, levels as u32, cubes.div_ceil(across) as u32)
 }
 
 #[cube]
-fn row_of_unit() -> usize {
+pub(super) fn row_of_unit() -> usize {
     ((CUBE_POS_Z * CUBE_COUNT_X + CUBE_POS_X) * CUBE_DIM_X + UNIT_POS_X) as usize
 }
 
 /// How a number is added to one that other units add to as well.
 #[cube]
-trait Adds: Send + Sync + 'static {
+pub(super) trait Adds: Send + Sync + 'static {
     type Held: Numeric;
     fn add(to: &Atomic<Self::Held>, value: f32);
 }
 
 /// By the device's own instruction.
-struct Native;
+pub(super) struct Native;
 
 #[cube]
 impl Adds for Native {
@@ -223,7 +223,7 @@ impl Adds for Native {
 }
 
 /// By trying until nobody came between.
-struct Exchanged;
+pub(super) struct Exchanged;
 
 #[cube]
 impl Adds for Exchanged {
@@ -291,13 +291,18 @@ pub(crate) fn encode_backward(
     spec: &HashGridSpec,
     rows: Rows<'_>,
 ) -> CubeTensor {
-    let float = Type::atomic(ElemType::Float(FloatKind::F32));
-    let usage = points.client.properties().atomic_type_usage(float);
-    if usage.contains(AtomicUsage::Add) {
+    if adds_natively(points) {
         spread_by::<Native>(points, grad, spec, rows)
     } else {
         spread_by::<Exchanged>(points, grad, spec, rows)
     }
+}
+
+/// Whether the device of a tensor can add to a number that others add to.
+pub(super) fn adds_natively(of: &CubeTensor) -> bool {
+    let float = Type::atomic(ElemType::Float(FloatKind::F32));
+    let usage = of.client.properties().atomic_type_usage(float);
+    usage.contains(AtomicUsage::Add)
 }
 
 fn spread_by<A: Adds>(

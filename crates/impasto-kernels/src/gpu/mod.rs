@@ -16,6 +16,7 @@ pub(crate) mod mlp;
 pub(crate) mod perceptual;
 pub(crate) mod plain_mlp;
 pub(crate) mod radiance;
+pub(crate) mod solid_texture;
 
 pub use field::{
     DensityGrids, Descent, FieldSamples, FieldSpec, MergedSamples, RaySamples, Rays, SamplesRead,

@@ -2,7 +2,8 @@
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
+    SolidTextureSpec, Volume,
 };
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
@@ -24,6 +25,21 @@ impl<B: KernelGrad> Backward<B, 1> for HashEncode {
         let (points, spec) = ops.state;
         unary::<B, _>(ops.parents, ops.node, grads, |grad| {
             B::hash_encode_backward(points, grad, spec)
+        });
+    }
+}
+
+#[derive(Debug)]
+struct SolidTexture;
+
+impl<B: KernelGrad> Backward<B, 1> for SolidTexture {
+    /// Places and sizes.
+    type State = (FloatTensor<B>, SolidTextureSpec);
+
+    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let (places, spec) = ops.state;
+        unary::<B, _>(ops.parents, ops.node, grads, |grad| {
+            B::solid_texture_backward(places, grad, spec)
         });
     }
 }
@@ -125,6 +141,16 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
         let (points, (table, node)) = (points.into_primitive(), table.into_parts());
         let out = B::hash_encode(points.clone(), table, spec);
         finished::<B, C, _, 1>(HashEncode, [node], (points, spec), out)
+    }
+
+    fn solid_texture(
+        places: FloatTensor<Self>,
+        table: FloatTensor<Self>,
+        spec: SolidTextureSpec,
+    ) -> FloatTensor<Self> {
+        let (places, (table, node)) = (places.into_primitive(), table.into_parts());
+        let out = B::solid_texture(places.clone(), table, spec);
+        finished::<B, C, _, 1>(SolidTexture, [node], (places, spec), out)
     }
 
     fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self> {

@@ -3,9 +3,10 @@
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::gpu::composite::DeviceLayout;
 use crate::gpu::launch::{copied, whole};
-use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance};
+use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance, solid_texture};
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
+    SolidTextureSpec, Volume,
 };
 use burn::backend::ops::FloatTensorOps;
 use burn::backend::tensor::FloatTensor;
@@ -17,6 +18,10 @@ type Primitive = FloatTensor<CubeBackend>;
 impl KernelOps for CubeBackend {
     fn hash_encode(points: Primitive, table: Primitive, spec: HashGridSpec) -> Primitive {
         hash_grid::encode(&whole(points), &whole(table), &spec)
+    }
+
+    fn solid_texture(places: Primitive, table: Primitive, spec: SolidTextureSpec) -> Primitive {
+        solid_texture::read(&whole(places), &whole(table), &spec)
     }
 
     fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
@@ -63,6 +68,14 @@ impl KernelGrad for CubeBackend {
 
     fn hash_encode_backward(points: Primitive, grad: Primitive, spec: HashGridSpec) -> Primitive {
         hash_grid::spread(&whole(points), &whole(grad), &spec)
+    }
+
+    fn solid_texture_backward(
+        places: Primitive,
+        grad: Primitive,
+        spec: SolidTextureSpec,
+    ) -> Primitive {
+        solid_texture::spread(&whole(places), &whole(grad), &spec)
     }
 
     fn mlp_backward(

@@ -2,9 +2,10 @@
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::cpu::perceptual::PerceptualTape;
-use crate::cpu::{adam, composite, hash_grid, mlp, radiance};
+use crate::cpu::{adam, composite, hash_grid, mlp, radiance, solid_texture};
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
+    SolidTextureSpec, Volume,
 };
 use burn::backend::ops::FloatTensorOps;
 use burn::backend::tensor::FloatTensor;
@@ -59,6 +60,12 @@ impl KernelOps for Flex {
         tensor(out, [points.rows(), spec.outputs()])
     }
 
+    fn solid_texture(places: Primitive, table: Primitive, spec: SolidTextureSpec) -> Primitive {
+        let [places, table] = [places, table].map(OnHost::new);
+        let out = solid_texture::forward(&spec, &places, &table);
+        tensor(out, [places.rows(), spec.outputs()])
+    }
+
     fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
         let [x, params] = [x, params].map(OnHost::new);
         let out = mlp::forward(&spec, &x, &params);
@@ -100,6 +107,16 @@ impl KernelGrad for Flex {
     fn hash_encode_backward(points: Primitive, grad: Primitive, spec: HashGridSpec) -> Primitive {
         let [points, grad] = [points, grad].map(OnHost::new);
         let out = hash_grid::backward(&spec, &points, &grad);
+        tensor(out, [spec.params()])
+    }
+
+    fn solid_texture_backward(
+        places: Primitive,
+        grad: Primitive,
+        spec: SolidTextureSpec,
+    ) -> Primitive {
+        let [places, grad] = [places, grad].map(OnHost::new);
+        let out = solid_texture::backward(&spec, &places, &grad);
         tensor(out, [spec.params()])
     }
 

@@ -11,7 +11,8 @@ mod flex;
 pub use flex::OnHost;
 
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Sparse, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
+    SolidTextureSpec, Sparse, Volume,
 };
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
@@ -27,6 +28,12 @@ pub trait KernelOps: Backend {
         points: FloatTensor<Self>,
         table: FloatTensor<Self>,
         spec: HashGridSpec,
+    ) -> FloatTensor<Self>;
+    /// See [`solid_texture`].
+    fn solid_texture(
+        places: FloatTensor<Self>,
+        table: FloatTensor<Self>,
+        spec: SolidTextureSpec,
     ) -> FloatTensor<Self>;
     /// See [`mlp`].
     fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self>;
@@ -68,6 +75,12 @@ pub trait KernelGrad: Backend {
         points: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         spec: HashGridSpec,
+    ) -> FloatTensor<Self>;
+    /// Gradient for the table.
+    fn solid_texture_backward(
+        places: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        spec: SolidTextureSpec,
     ) -> FloatTensor<Self>;
     /// Gradients for the input (if needed) and the parameters.
     fn mlp_backward(
@@ -204,6 +217,19 @@ pub fn radiance_loss(volumes: [Volume<Tensor<1>>; 2], spec: Arc<RadianceSpec>) -
 pub fn hash_encode(points: Tensor<2>, table: Tensor<1>, spec: HashGridSpec) -> Tensor<2> {
     Tensor::from_dispatch(<Dispatch as KernelOps>::hash_encode(
         points.into_dispatch(),
+        table.into_dispatch(),
+        spec,
+    ))
+}
+
+/// A solid texture, read at places.
+///
+/// # Shapes
+/// `places`: `[n, 4]`, coordinates and footprint, not differentiable; `table`: `[spec.params()]`;
+/// result: `[n, spec.outputs()]`, see [`crate::cpu::solid_texture::forward`].
+pub fn solid_texture(places: Tensor<2>, table: Tensor<1>, spec: SolidTextureSpec) -> Tensor<2> {
+    Tensor::from_dispatch(<Dispatch as KernelOps>::solid_texture(
+        places.into_dispatch(),
         table.into_dispatch(),
         spec,
     ))

@@ -25,6 +25,26 @@ pub mod hash_grid {
     }
 }
 
+pub mod solid_texture {
+    use super::*;
+    use impasto_kernels::SolidTextureSpec;
+
+    pub fn forward(spec: &SolidTextureSpec, places: &[f32], table: &[f32]) -> Vec<f32> {
+        let (places, table) = (
+            tensor(places, [places.len() / 4, 4]),
+            tensor(table, [table.len()]),
+        );
+        values(ops::solid_texture(places, table, *spec))
+    }
+
+    pub fn backward(spec: &SolidTextureSpec, places: &[f32], grad: &[f32]) -> Vec<f32> {
+        let table = leaf(&vec![0.0; spec.params()], [spec.params()]);
+        let places = tensor(places, [places.len() / 4, 4]);
+        let out = ops::solid_texture(places, table.clone(), *spec);
+        gradient(&table, &gradients(out, grad))
+    }
+}
+
 pub mod mlp {
     use super::*;
     use impasto_kernels::MlpSpec;

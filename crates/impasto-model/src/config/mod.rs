@@ -3,7 +3,7 @@
 mod presets;
 
 use crate::error::ModelError;
-use impasto_field::{AppConfig, AppearanceConfig, FieldConfig, Shading, config::check_hash_grid};
+use impasto_field::{AppConfig, AppearanceConfig, FieldConfig, Shading};
 use impasto_kernels::settings;
 use impasto_kernels::settings::{OutOfRange, share, usable};
 use impasto_style::{Network, PatchStrides, StyleError, StyleReduction, StyleVae};
@@ -93,8 +93,8 @@ settings! {
 
         /// λ of the style loss.
         pub style_weight: f32 where |v| usable(*v) => "finite, not negative",
-        /// Whether the style loss of a painting is divided by its distance to the photos, so that all
-        /// count alike; λ is then that of a painting at a typical distance.
+        /// Whether the style loss of a painting is divided by its distance to the patch before anything is
+        /// painted, so that all count alike; λ is then that of a painting at a typical distance.
         pub normalize_style_loss: bool,
 
         /// How the style loss sums up the statistics of all layers.
@@ -114,17 +114,10 @@ settings! {
         /// which may be finer than its pixels: what no camera between two others could interpolate.
         /// Stylised views agree with each other as far as they have little of it.
         pub smoothness_weight: f32 where |v| usable(*v) => "finite, not negative",
-        /// Share of the stage that first learns the unstylised render in the painting's colours, by
-        /// squared difference: cheaper than the perceptual network and less noisy, and what follows
-        /// departs from the place in the right palette.
-        pub palette_share: f32 where |v| share(v) => "0 to 1",
-        /// Learning rate of the hypernetworks in that share; a squared difference to the photo's own
-        /// colours needs no warm-up.
-        pub palette_rate: f32 where |v| usable(*v) => "finite, not negative",
         /// Learning rate of the hypernetworks.
         pub rate: f32 where |v| usable(*v) => "finite, not negative",
-        /// Learning rate of the canvas encoding.
-        pub canvas_rate: f32 where |v| usable(*v) => "finite, not negative",
+        /// Learning rate of the solid texture.
+        pub texture_rate: f32 where |v| usable(*v) => "finite, not negative",
         /// Updates over which the rates rise to their full size. One number of a hypernetwork's hidden
         /// layer moves thousands of predicted weights: full steps while Adam's moments are young drive
         /// all colours into the sigmoid's flat ends, where no gradient brings them back.
@@ -141,7 +134,7 @@ settings! {
         pub supersampling: usize where |v| *v >= 1 => "at least 1, and at most 262144 rays a patch",
         /// Updates per patch that is marched through the field.
         pub patch_uses: u64 where |v| *v >= 1 => "at least 1",
-        /// Patches kept for further updates, about 10 MB each when shaded by surface.
+        /// Patches kept for further updates, about a megabyte each when painted.
         pub pool: usize where |v| (1..=1024).contains(v) => "1 to 1024",
         /// Samples with less weight are left out.
         pub least_weight: f32 where |v| share(v) => "0 to 1",
@@ -159,13 +152,6 @@ settings! {
         /// statistics; else it is the style-VAE's plain μ.
         pub weigh_codes: bool,
 
-        /// How much farther from the average painting a look is made than its code says. A
-        /// hypernetwork that is unsure predicts something average, so looks come out tamer than their
-        /// paintings.
-        pub style_extrapolation: f32 where |v| (0.0..=100.0).contains(v) => "0 to 100",
-        /// Share of the way that a finished look's colours are moved to the painting's own mean and
-        /// contrast.
-        pub color_transfer_strength: f32 where |v| share(v) => "0 to 1",
         /// What paintings are measured on.
         pub pictures: PictureConfig,
 
@@ -190,7 +176,8 @@ settings! {
         /// Whether patches are compared with windows of their own size, which have less variety than
         /// the whole and more border for their pixels.
         pub windowed: bool,
-
+        /// Whether codes are made of pictures with their palette taken out: of structure alone.
+        pub canonical: bool,
     }
 }
 
@@ -253,8 +240,8 @@ impl StyleConfig {
                 "0 where style.content_target is photo: there are no photos between photos";
             return fault("novel_views", allowed);
         }
-        match self.shading.canvas() {
-            Some(canvas) => check_hash_grid(canvas, "style.shading.surface.canvas"),
+        match self.shading.texture() {
+            Some(texture) => texture.check("style.shading.painted"),
             None => Ok(()),
         }
     }
@@ -273,7 +260,26 @@ impl TrainConfig {
         self.style.check_together()?;
         self.field.check("field")?;
         self.photo_app.check("photo_app")?;
-        Ok(self.style_app.check("style_app")?)
+        self.style_app.check("style_app")?;
+        self.check_painted()?;
+        Ok(())
+    }
+
+    /// What paint asks of the rest.
+    fn check_painted(&self) -> Result<(), OutOfRange> {
+        if self.style.shading.texture().is_none() {
+            return Ok(());
+        }
+        if self.style_app.view_bands.is_some() {
+            let allowed = "null where style.shading is painted: paint sees no direction";
+            return Err(OutOfRange::new("style_app", "view_bands", allowed));
+        }
+        if self.field.occupancy().is_none() {
+            let allowed =
+                "samples where field.sampling is hierarchical: a first field has no colours";
+            return Err(OutOfRange::new("style", "shading", allowed));
+        }
+        Ok(())
     }
 
     /// The appearance of the geometry stage: as photographed.
@@ -328,7 +334,11 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         type Change = fn(&mut TrainConfig);
-        let broken: [(&str, Change); 11] = [
+        let broken: [(&str, Change); 13] = [
+            ("style_app.view_bands", |c| c.style_app.view_bands = Some(2)),
+            ("style.shading", |c| {
+                c.field.sampling = TrainConfig::paper().field.sampling;
+            }),
             ("style.patch", |c| {
                 (c.style.perceptual, c.style.patch) = (Network::Vgg19, [8, 20]);
             }),
@@ -351,9 +361,9 @@ mod tests {
                 }
             }),
             ("field.inner.base", |c| c.field.inner.base.clear()),
-            ("style.shading.surface.canvas", |c| {
-                if let Shading::Surface { canvas: Some(grid) } = &mut c.style.shading {
-                    grid.features = 3;
+            ("style.shading.painted.side", |c| {
+                if let Shading::Painted(texture) = &mut c.style.shading {
+                    texture.side = 1;
                 }
             }),
         ];

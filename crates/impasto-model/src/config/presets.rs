@@ -8,7 +8,7 @@ use impasto_field::{
     AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig, Shading,
     VolumeConfig,
 };
-use impasto_kernels::{Density, HashGridSpec, OccupancySpec};
+use impasto_kernels::{Density, HashGridSpec, OccupancySpec, SolidTextureSpec};
 use impasto_style::{Network, PatchStrides, StyleReduction};
 
 impl TrainConfig {
@@ -52,7 +52,7 @@ impl TrainConfig {
                 remap: false,
             },
             style_app: AppConfig {
-                hidden: vec![96, 96],
+                hidden: vec![64, 64],
                 layer_norm: true,
                 view_bands: None,
                 remap: false,
@@ -77,29 +77,23 @@ impl TrainConfig {
                 }),
             },
             style: StyleConfig {
-                shading: Shading::Surface {
-                    canvas: Some(HashGridSpec {
-                        levels: 6,
-                        features: 4,
-                        log2_entries: 16,
-                        coarsest: 24.0,
-                        finest: 640.0,
-                    }),
-                },
+                shading: Shading::Painted(SolidTextureSpec {
+                    octaves: 6,
+                    side: 24,
+                    finest: 2.0,
+                    ratio: 1.5,
+                }),
                 perceptual: Network::Vgg16,
                 style_weight: 1.0,
                 normalize_style_loss: true,
                 style_reduction: StyleReduction::Layers,
                 style_loss_start: 0,
-                content_weight: 1.0,
+                content_weight: 1.2,
                 content_target: ContentTarget::Render,
                 photo_weight: 0.0,
-                // What views agree by; more of it takes the strokes away (300 left blotches).
-                smoothness_weight: 50.0,
-                palette_share: 0.12,
-                palette_rate: 1e-3,
+                smoothness_weight: 0.0,
                 rate: 1e-3,
-                canvas_rate: 1e-2,
+                texture_rate: 1e-2,
                 lr_warmup_steps: 200,
                 final_rate: 0.1,
                 patch: [72, 88],
@@ -113,21 +107,16 @@ impl TrainConfig {
                 hyper_width: 64,
                 predicted_layers: 16,
                 weigh_codes: true,
-                // Chosen on paintings of the training set: style gain hardly changes between 1.25
-                // and 2.5, while more of them can be told apart the larger it is.
-                style_extrapolation: 2.0,
-                // All the way lowers the style gain: the place has a say in where light and dark
-                // are.
-                color_transfer_strength: 0.7,
                 pictures: PictureConfig {
                     // At 160 pixels most strokes are one to three pixels wide and look like grain.
                     side: 256,
                     least_crop: 0.5,
-                    recoloured: 0.5,
+                    recoloured: 0.0,
                     windowed: true,
+                    canonical: true,
                 },
                 virtual_share: 0.5,
-                generated: 300,
+                generated: 0,
             },
             geometry_share: 0.2,
         }
@@ -189,10 +178,10 @@ impl TrainConfig {
                 normalize_style_loss: false,
                 style_reduction: StyleReduction::Concatenated,
                 style_loss_start: 2000,
+                content_weight: 1.0,
                 content_target: ContentTarget::Photo,
                 photo_weight: 1.0,
                 smoothness_weight: 0.0,
-                palette_share: 0.0,
                 rate: 1e-3,
                 lr_warmup_steps: 0,
                 final_rate: 1.0,
@@ -206,14 +195,13 @@ impl TrainConfig {
                 rays_at_once: 256,
                 hyper_width: 64,
                 weigh_codes: false,
-                style_extrapolation: 1.0,
-                color_transfer_strength: 0.0,
                 pictures: PictureConfig {
                     side: 256,
                     // 53 % of the area.
                     least_crop: 0.728,
                     recoloured: 0.0,
                     windowed: false,
+                    canonical: false,
                 },
                 virtual_share: 0.0,
                 generated: 0,

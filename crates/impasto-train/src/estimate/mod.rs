@@ -3,7 +3,7 @@
 mod memory;
 mod rates;
 
-use crate::run::stages::end_of_stages;
+use crate::run::stages::{end_of_geometry_alone, end_of_stages};
 use impasto_model::{Budget, TrainConfig};
 use impasto_scene::Scene;
 use serde::Serialize;
@@ -15,7 +15,7 @@ pub use rates::{Rates, measure_rates};
 /// Steps of the paper's schedule: 250,000 of the geometry stage and 100,000 of the style stage.
 pub const PAPER_STEPS: u64 = 350_000;
 
-/// What a run of both stages will take.
+/// What a run will take.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Estimate {
     /// From start to end, seconds. `None` for a number of steps whose rate was not measured.
@@ -31,14 +31,16 @@ pub struct Estimate {
 /// Bytes of a GiB.
 pub const GIB: f64 = (1u64 << 30) as f64;
 
-/// Estimates a run of both stages on photos as loaded.
+/// Estimates a run without paintings of its own on photos as loaded: of both stages, or of the geometry
+/// stage alone where the shipped painter is made for the configuration.
 pub fn estimate(
     scene: &Scene,
     config: &TrainConfig,
     budget: Budget,
     rates: Option<Rates>,
 ) -> Estimate {
-    let share = config.geometry_share;
+    let alone = config.fits_shipped_painter();
+    let share = if alone { 1.0 } else { config.geometry_share };
     let steps = match (budget, rates) {
         (Budget::Steps(_), _) => {
             let of = |share| match budget.share(share) {
@@ -50,6 +52,10 @@ pub fn estimate(
         (Budget::Time(total), Some(rates)) => {
             let [geometry, end] = end_of_stages(total, share);
             let done = |time: Duration, rate: f64| (time.as_secs_f64() * rate) as u64;
+            let (geometry, end) = match alone {
+                true => (end_of_geometry_alone(total), Duration::ZERO),
+                false => (geometry, end),
+            };
             Some([
                 done(geometry, rates.geometry),
                 done(end.saturating_sub(geometry), rates.style),

@@ -53,7 +53,11 @@ pub fn measure_rates(scene: &Scene, config: &TrainConfig) -> Result<Rates, Style
     let style = &config.style;
     let styles = StyleSet::of_pictures(&vgg, &painting, style.patch, &style.pictures)?;
     let rays = photo_rays(photos.into_iter());
-    let networks = StyleNetworks { vgg, vae };
+    let networks = StyleNetworks {
+        vgg,
+        vae,
+        first: None,
+    };
     let mut style = StyleStage::new(&config, trained, rays, networks, styles, 0, &device);
     let mut failure = None;
     let mut step = || {
@@ -97,7 +101,6 @@ fn timed<T>(most: u64, mut step: impl FnMut() -> T) -> f64 {
 fn reduced(config: &TrainConfig) -> (TrainConfig, [f64; 2]) {
     let mut less = config.clone();
     // All losses, as in most of the stage.
-    less.style.palette_share = 0.0;
     less.style.style_loss_start = 0;
     if config.field.levels() == 1 {
         return (less, [1.0; 2]);

@@ -249,8 +249,13 @@ impl GeometryStage {
         };
         let RadianceField { weights, app } = level.values();
         let field = self.training.field().clone();
-        let apps = [&app.config, &app.config];
-        let renderer = Renderer::open(field, weights, self.training.grids(), apps);
+        let renderer = Renderer::open(
+            field,
+            weights,
+            self.training.grids(),
+            app.clone(),
+            &app.config,
+        );
         let render = |rays: &RayBatch| renderer.render(rays, &[&app]);
         calibration.visit(&mut self.photos, &render, progress, &mut self.rng);
         self.calibration = Some(calibration);

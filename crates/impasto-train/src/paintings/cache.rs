@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// First bytes of every file; the number is raised when records change.
-const HEADER: &[u8; 16] = b"IMPASTO styles 2";
-/// Key, colors, statistics, checksum.
-const RECORD: usize = 14 + 8 * ColorStatistics::NUMBERS + 2 * Statistics::LEN + 8;
+const HEADER: &[u8; 16] = b"IMPASTO styles 3";
+/// Key, colors, statistics, those of the structure, checksum.
+const RECORD: usize = 14 + 8 * ColorStatistics::NUMBERS + 4 * Statistics::LEN + 8;
 /// No file holds more records, which bounds the memory that reading takes.
 const MOST_RECORDS: usize = 160_000;
 
@@ -34,23 +34,36 @@ pub fn cache_folder() -> Option<PathBuf> {
     }
 }
 
-/// What is kept of one picture, 4 kB.
+/// What is kept of one picture, 8 kB.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Measured {
     /// Statistics, in half precision also when freshly measured: a run must not depend on what
     /// was cached.
     statistics: Box<[f16]>,
+    /// What its code is made of.
+    structure: Box<[f16]>,
     /// Its colours.
     pub colors: ColorStatistics,
 }
 
 impl Measured {
     /// Rounds what was measured.
-    pub(crate) fn new(statistics: &Statistics, colors: ColorStatistics) -> Self {
+    pub(crate) fn new(
+        statistics: &Statistics,
+        structure: &Statistics,
+        colors: ColorStatistics,
+    ) -> Self {
+        let rounded = |s: &Statistics| s.0.iter().map(|x| f16::from_f32(*x)).collect();
         Self {
-            statistics: statistics.0.iter().map(|x| f16::from_f32(*x)).collect(),
+            statistics: rounded(statistics),
+            structure: rounded(structure),
             colors,
         }
+    }
+
+    /// What its code is made of.
+    pub(crate) fn structure(&self) -> Statistics {
+        Statistics(self.structure.iter().map(|x| x.to_f32()).collect())
     }
 
     /// The statistics.
@@ -196,7 +209,8 @@ fn encode(key: &Key, measured: &Measured) -> Vec<u8> {
     }
     let colors = measured.colors.numbers();
     bytes.extend(colors.iter().flat_map(|x| x.to_le_bytes()));
-    bytes.extend(measured.statistics.iter().flat_map(|x| x.to_le_bytes()));
+    let halves = measured.statistics.iter().chain(&measured.structure);
+    bytes.extend(halves.flat_map(|x| x.to_le_bytes()));
     bytes.extend(Hash::of_bytes(&bytes).0.to_le_bytes());
     bytes
 }
@@ -216,6 +230,8 @@ fn decode(bytes: &[u8; RECORD]) -> Option<(Key, Measured)> {
         *number = f64::from_le_bytes(*word);
     }
     let (halves, _) = statistics.as_chunks::<2>();
+    let (whole, structure) = halves.split_at_checked(Statistics::LEN)?;
+    let numbers_of = |halves: &[[u8; 2]]| halves.iter().map(|b| f16::from_le_bytes(*b)).collect();
     Some((
         Key {
             picture: u64::from_le_bytes(*picture),
@@ -223,7 +239,8 @@ fn decode(bytes: &[u8; RECORD]) -> Option<(Key, Measured)> {
             window: [short(2), short(4)],
         },
         Measured {
-            statistics: halves.iter().map(|b| f16::from_le_bytes(*b)).collect(),
+            statistics: numbers_of(whole),
+            structure: numbers_of(structure),
             colors: ColorStatistics::of_numbers(&numbers),
         },
     ))
@@ -244,7 +261,10 @@ mod tests {
             crop: number,
             window: [number, 67],
         };
-        (key, Arc::new(Measured::new(&statistics, colors)))
+        (
+            key,
+            Arc::new(Measured::new(&statistics, &statistics, colors)),
+        )
     }
 
     /// A cache of three records in `folder`, and its file.

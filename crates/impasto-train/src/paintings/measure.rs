@@ -9,7 +9,7 @@ use crate::paintings::windows::window_statistics;
 use crate::smooth::REPORT_EVERY;
 use image::RgbImage;
 use impasto_model::config::PictureConfig;
-use impasto_model::{ColorStatistics, square_statistics};
+use impasto_model::{ColorStatistics, square_statistics, structure_statistics};
 use impasto_paintings::{Recipe, paint};
 use impasto_scene::{PictureFile, PictureFolder};
 use impasto_style::{Perceptual, StyleError, picture, recolour, square_crop};
@@ -123,6 +123,7 @@ fn settings(vgg: &Perceptual, sampling: &Sampling) -> Result<Hash, StyleError> {
     Ok(Hash::of_bytes(&bytes)
         .and(&sampling.pictures.side)
         .and(&sampling.pictures.recoloured)
+        .and(&sampling.pictures.canonical)
         .and(&sampling.crops)
         .and(&sampling.pictures.least_crop)
         .and(&sampling.first_generated))
@@ -256,13 +257,27 @@ impl Gathering<'_> {
             Err(reason) => return Ok(Outcome::Unreadable(reason)),
         };
         let colors = ColorStatistics::of(picture(&square).chunks_exact(3));
-        let measured = |statistics| Arc::new(Measured::new(&statistics, colors));
+        let measured =
+            |statistics: &_, structure: &_| Arc::new(Measured::new(statistics, structure, colors));
         let whole = match whole {
             Some(whole) => whole,
-            None => measured(square_statistics(self.vgg, &square)?),
+            None => {
+                let statistics = square_statistics(self.vgg, &square)?;
+                let pictures = &self.sampling.pictures;
+                match pictures.canonical {
+                    true => measured(
+                        &statistics,
+                        &structure_statistics(self.vgg, &square, pictures)?,
+                    ),
+                    false => measured(&statistics, &statistics),
+                }
+            }
         };
         let windows = match window {
-            Some(size) => Some(measured(window_statistics(self.vgg, &square, size)?)),
+            Some(size) => {
+                let statistics = window_statistics(self.vgg, &square, size)?;
+                Some(measured(&statistics, &statistics))
+            }
             None => None,
         };
         Ok(Outcome::Fresh(whole, windows))

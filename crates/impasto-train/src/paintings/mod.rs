@@ -9,7 +9,7 @@ mod windows;
 pub use cache::cache_folder;
 pub use folder::painting_folder;
 pub use set::{
-    FIRST_GENERATED, MOST_STYLES, Paintings, Style, StyleSet, StyleSources, read_paintings,
+    CROPS, FIRST_GENERATED, MOST_STYLES, Paintings, Style, StyleSet, StyleSources, read_paintings,
 };
 
 pub(crate) use folder::folder_identity;

@@ -7,7 +7,7 @@ use crate::paintings::measure::{Measurer, Sampling, parts, warn_of_unreadable};
 use crate::paintings::windows::window_statistics;
 use image::RgbImage;
 use impasto_model::config::PictureConfig;
-use impasto_model::{ColorStatistics, square_statistics};
+use impasto_model::{CodeNormalisation, ColorStatistics, square_statistics, structure_statistics};
 use impasto_scene::{PictureFile, PictureFolder};
 use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, StyleVae, square_crop};
 use rayon::prelude::*;
@@ -15,8 +15,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Random crops per painting, beside the whole.
-const CROPS: u16 = 8;
+/// Random crops per painting, beside the whole, that a run learns from.
+pub const CROPS: u16 = 8;
+/// Codes that are looked at to normalise all.
+const MOST_CODES: usize = 2048;
 /// First seed of generated training pictures; the ones below are free for other uses.
 pub const FIRST_GENERATED: u64 = 10_000;
 /// Most styles of a run, at 4 kB each: all 81,330 paintings of WikiArt and as many crops and
@@ -69,6 +71,8 @@ pub fn read_paintings(dir: &Path) -> std::io::Result<Paintings> {
 pub struct StyleSources<'a> {
     /// Paintings: whole and in random crops.
     pub folder: Option<&'a PictureFolder>,
+    /// Random crops per painting, beside the whole.
+    pub crops: u16,
     /// Generated pictures beside them.
     pub generated: usize,
     /// Height and width of the patches that will be painted.
@@ -106,7 +110,7 @@ impl StyleSet {
     ) -> Result<Self, TrainError> {
         let (path, files) = parts(sources.folder);
         let sampling = Sampling {
-            crops: CROPS,
+            crops: sources.crops,
             pictures: sources.pictures,
             first_generated: FIRST_GENERATED,
             generated: sources.generated,
@@ -147,10 +151,12 @@ impl StyleSet {
         for image in pictures {
             let square = square_crop(image, 1.0, (0.5, 0.5), settings.side);
             let colors = ColorStatistics::of_picture(image);
-            let measured = |s| Arc::new(Measured::new(&s, colors));
-            kept.push(measured(square_statistics(vgg, &square)?));
+            let measured = |s: &_, structure: &_| Arc::new(Measured::new(s, structure, colors));
+            let structure = structure_statistics(vgg, &square, settings)?;
+            kept.push(measured(&square_statistics(vgg, &square)?, &structure));
             if settings.windowed {
-                windows.push(measured(window_statistics(vgg, &square, patch)?));
+                let window = window_statistics(vgg, &square, patch)?;
+                windows.push(measured(&window, &window));
             }
         }
         Ok(Self {
@@ -171,6 +177,14 @@ impl StyleSet {
         self.kept.is_empty()
     }
 
+    /// How their codes are normalised, by at most a few thousand of them.
+    pub(crate) fn code_normalisation(&self, vae: &StyleVae) -> CodeNormalisation {
+        let step = self.kept.len().div_ceil(MOST_CODES).max(1);
+        let some: Vec<_> = self.kept.iter().step_by(step).collect();
+        let codes = some.par_iter().map(|one| vae.encode(&one.structure()));
+        CodeNormalisation::of(&codes.collect::<Vec<_>>())
+    }
+
     /// One style, or what lies between it and another: `other` is an index with its share. The
     /// losses need statistics only, and the code that belongs to mixed statistics is known.
     ///
@@ -179,15 +193,17 @@ impl StyleSet {
     pub fn style(&self, vae: &StyleVae, index: usize, other: Option<(usize, f32)>) -> Style {
         let one = &self.kept[index];
         let (mut statistics, mut colors) = (one.statistics(), one.colors);
+        let mut structure = one.structure();
         if let Some((other, share)) = other {
             let other = &self.kept[other];
             statistics = statistics.mixed(&other.statistics(), share);
+            structure = structure.mixed(&other.structure(), share);
             colors = colors.mixed(&other.colors, share);
         }
         let shrunk = statistics.0.iter().zip(&self.shrinkage).map(|(x, s)| x * s);
         Style {
             target: Statistics(shrunk.collect()),
-            code: vae.encode(&statistics),
+            code: vae.encode(&structure),
             colors,
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::event::Stage;
 use crate::geometry::GeometryProgress;
-use crate::run::progress::Reported;
+use crate::progress::Reported;
 use crate::style::StyleProgress;
 use crate::{TrainError, hash::Hash};
 use burn::tensor::Device;

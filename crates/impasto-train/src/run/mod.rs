@@ -5,7 +5,6 @@ mod identity;
 mod lock;
 mod log;
 mod options;
-mod progress;
 mod recovery;
 pub(crate) mod stages;
 mod train;

@@ -3,17 +3,17 @@
 use crate::TrainError;
 use crate::event::{Event, Stage};
 use crate::geometry::{GeometryStage, TrainedGeometry, photo_rays};
-use crate::paintings::{StyleSet, StyleSources};
+use crate::paintings::{CROPS, StyleSet, StyleSources};
+use crate::progress::Progress;
 use crate::run::checkpoint::{self, Checkpoint, Position, StageProgress};
 use crate::run::log::Log;
 use crate::run::options::TrainOptions;
-use crate::run::progress::Progress;
 use crate::run::validation;
 use crate::style::{StyleNetworks, StyleStage};
 use impasto_model::tensors::{Entry, TensorReader};
 use impasto_model::{
     Budget, Clock, Model, ModelFile, ModelPhoto, ModelScene, Quality, RunIdentity, Stages,
-    Stopwatch, StyleEmbedding, TrainingRecord,
+    Stopwatch, StyleEmbedding, StyleModel, TrainingRecord,
 };
 use impasto_scene::file::write_atomic;
 use impasto_scene::{PictureFolder, Scene, Split};
@@ -37,6 +37,12 @@ pub(crate) fn end_of_stages(total: Duration, geometry_share: f64) -> [Duration; 
     [total.mul_f64(geometry_share), total.saturating_sub(reserve)]
 }
 
+/// When a geometry stage ends that no other follows: held-out views are compared after it.
+pub(crate) fn end_of_geometry_alone(total: Duration) -> Duration {
+    let [_, end] = end_of_stages(total, 1.0);
+    end.saturating_sub(total.mul_f64(COMPARISON))
+}
+
 /// A run at work.
 pub(crate) struct Run<'a> {
     pub(crate) options: &'a TrainOptions,
@@ -48,6 +54,10 @@ pub(crate) struct Run<'a> {
     pub(crate) log: Log<'a>,
     pub(crate) paintings: Option<PictureFolder>,
     pub(crate) encoder: Option<StyleVae>,
+    /// The shipped painter, if it is made for this run's codes and sizes.
+    pub(crate) painter: Option<StyleModel>,
+    /// Whether there is a style stage.
+    pub(crate) learns_style: bool,
     /// Files of the style folder that are no pictures.
     pub(crate) unreadable: usize,
     /// What is continued, until the stage that it is in has taken it over.
@@ -141,9 +151,9 @@ impl Run<'_> {
             (None, Some(steps)) => (self.geometry_model()?, steps),
             (None, None) => self.geometry()?,
         };
-        let style_steps = match self.options.stages {
-            Stages::Geometry => 0,
-            Stages::All | Stages::Style => self.style(&mut file, geometry_steps)?,
+        let style_steps = match self.learns_style {
+            false => 0,
+            true => self.style(&mut file, geometry_steps)?,
         };
         let folder = self.paintings.as_ref();
         // Unreadable entries of the listing were never among the files.
@@ -192,7 +202,7 @@ impl Run<'_> {
     /// The budget of a stage that began at some time of the run.
     fn stage_budget(&self, stage: Stage, began: Duration) -> Budget {
         let share = self.options.config.geometry_share;
-        let only = self.options.stages != Stages::All;
+        let only = self.options.stages != Stages::All || !self.learns_style;
         let total = match (self.options.budget, stage) {
             (Budget::Steps(_), _) if only => return self.options.budget,
             (Budget::Steps(_), Stage::Geometry) => return self.options.budget.share(share),
@@ -201,7 +211,7 @@ impl Run<'_> {
         };
         let [geometry, style] = end_of_stages(total, share);
         let end = match stage {
-            Stage::Geometry if only => style.saturating_sub(total.mul_f64(COMPARISON)),
+            Stage::Geometry if only => end_of_geometry_alone(total),
             Stage::Geometry => geometry,
             Stage::Style => style,
         };
@@ -229,7 +239,7 @@ impl Run<'_> {
             seed: options.seed,
             radiance,
             grids,
-            style: None,
+            style: self.painter.clone(),
             encoder: None,
             finished: None,
         };
@@ -250,7 +260,7 @@ impl Run<'_> {
         if let Some(preview) = preview {
             self.preview("geometry.png", &preview)?;
         }
-        if options.stages == Stages::All {
+        if self.learns_style {
             self.save(&file)?;
         }
         Ok((file, steps))
@@ -286,7 +296,9 @@ impl Run<'_> {
             }
             let (losses, rays) = stage.step(&clock)?;
             clock.steps += 1;
-            progress.step(&clock, losses, rays, &mut self.log);
+            if let Some(event) = progress.step(&clock, losses, rays) {
+                self.log.event(&event);
+            }
             // What follows the geometry stage takes long, and must not cost it its last steps.
             let over = place.stage == Stage::Geometry && clock.is_over();
             if (over || self.saved.elapsed() >= options.recovery.every)
@@ -373,7 +385,11 @@ impl Run<'_> {
             &file.config,
             geometry,
             photos,
-            StyleNetworks { vgg, vae },
+            StyleNetworks {
+                vgg,
+                vae,
+                first: self.painter.clone(),
+            },
             styles,
             self.options.seed,
             &self.options.device,
@@ -400,6 +416,7 @@ impl Run<'_> {
         let folder = self.paintings.as_ref();
         let sources = StyleSources {
             folder,
+            crops: CROPS,
             generated: folder.map_or(GENERATED_ALONE, |_| file.config.style.generated),
             patch: file.config.style.patch,
             pictures: file.config.style.pictures,

@@ -11,7 +11,7 @@ use crate::run::options::{TrainOptions, TrainSummary};
 use crate::run::recovery::Unfinished;
 use crate::run::stages::{Earlier, Run};
 use crate::style::read_encoder;
-use impasto_model::{MODEL_FILE, ModelFile, RunIdentity, Stages, Stopwatch};
+use impasto_model::{MODEL_FILE, ModelFile, RunIdentity, Stages, Stopwatch, StyleModel};
 use impasto_scene::Scene;
 use impasto_style::StyleVae;
 use std::path::Path;
@@ -33,10 +33,18 @@ pub fn train(
     let start = Instant::now();
     options.config.validate()?;
     let scene = impasto_scene::load(&options.scene, &options.load)?;
-    check_sizes(&scene, options)?;
     let paintings = options.styles.as_deref();
     let paintings = paintings.map(painting_folder).transpose()?;
     let encoder = options.encoder.as_deref().map(read_encoder).transpose()?;
+    let painter = match encoder {
+        // Its codes are others.
+        Some(_) => None,
+        None => StyleModel::shipped(&options.config, &options.device)?,
+    };
+    let learns_style = learns_style(options, painter.is_some());
+    if learns_style {
+        check_sizes(&scene, options)?;
+    }
     let identity = identity_of(options, &scene, paintings.as_ref(), encoder.as_ref())?;
     // Before anything is written.
     let trained = continued(options, &scene, encoder.clone())?;
@@ -69,11 +77,23 @@ pub fn train(
         log,
         paintings,
         encoder,
+        painter,
+        learns_style,
         unreadable: 0,
         earlier: earlier.map(Earlier::new),
     };
     let (file, seconds) = run.all(trained)?;
     Ok(summary(options, &file, &run.scene, seconds))
+}
+
+/// Whether there is a style stage: where it was asked for, by its paintings or by name, and where no shipped
+/// painter knows the codes and sizes of the run.
+fn learns_style(options: &TrainOptions, painted: bool) -> bool {
+    match options.stages {
+        Stages::Geometry => false,
+        Stages::Style => true,
+        Stages::All => options.styles.is_some() || !painted,
+    }
 }
 
 /// The folder's checkpoint, if it is there and to be continued.
@@ -215,14 +235,14 @@ fn check_sizes(scene: &Scene, options: &TrainOptions) -> Result<(), TrainError> 
         (w as usize) < least_width || (h as usize) < least_height
     });
     match small {
-        Some(photo) if options.stages != Stages::Geometry => Err(TrainError::SmallPhotos {
+        Some(photo) => Err(TrainError::SmallPhotos {
             photo: photo.name.clone(),
             width: photo.pixels.width() as usize,
             height: photo.pixels.height() as usize,
             least_width,
             least_height,
         }),
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
 

@@ -164,15 +164,23 @@ pub fn check_encoder(
 /// # Errors
 /// If it cannot be read or is no encoder.
 pub fn read_encoder(path: &Path) -> Result<StyleVae, TrainError> {
-    let name = path.display().to_string();
-    let bytes = read_whole(path, LARGEST_FILE).map_err(|e| StyleError::Weights {
-        file: name.clone(),
-        reason: format!(
-            "cannot be read ({}); `impasto train-encoder` makes one",
-            plainly(&e)
-        ),
-    })?;
+    let (name, bytes) = read_weights(path, "train-encoder")?;
     Ok(StyleVae::from_bytes(&name, &bytes)?)
+}
+
+/// Name and bytes of a file of weights that the command `maker` makes.
+pub(crate) fn read_weights(path: &Path, maker: &str) -> Result<(String, Vec<u8>), StyleError> {
+    let name = path.display().to_string();
+    match read_whole(path, LARGEST_FILE) {
+        Ok(bytes) => Ok((name, bytes)),
+        Err(error) => Err(StyleError::Weights {
+            reason: format!(
+                "cannot be read ({}); `impasto {maker}` makes one",
+                plainly(&error)
+            ),
+            file: name,
+        }),
+    }
 }
 
 /// Whole paintings alone.
@@ -182,6 +190,8 @@ fn wholes(side: u32) -> Sampling {
         pictures: PictureConfig {
             side,
             least_crop: LEAST_CROP,
+            recoloured: 0.5,
+            canonical: false,
             ..TrainConfig::fast().style.pictures
         },
         first_generated: FIRST_GENERATED,

@@ -4,6 +4,7 @@
 mod chunks;
 mod encoder;
 mod objective;
+mod painter;
 mod patches;
 mod refine;
 mod stage;
@@ -12,6 +13,7 @@ pub use encoder::{
     EncoderCheck, EncoderOptions, EncoderSummary, check_encoder, read_encoder, train_encoder,
 };
 pub use objective::StyleReport;
+pub use painter::{PainterOptions, PainterSummary, read_painter, train_painter};
 pub use refine::Refinement;
 pub use stage::{StyleNetworks, StyleStage};
 

@@ -2,8 +2,9 @@
 
 use crate::style::patches::{FrozenPatch, PatchPool};
 use burn::tensor::Tensor;
+use impasto_field::Palette;
 use impasto_model::config::StyleConfig;
-use impasto_style::{Perceptual, Statistics, losses};
+use impasto_style::{Perceptual, Statistics, StyleError, losses};
 
 /// Perceptual losses of painted patches.
 pub(crate) struct Objective<'a> {
@@ -24,9 +25,9 @@ pub(crate) struct Losses {
 pub struct StyleReport {
     /// Total loss.
     pub loss: f64,
-    /// Content loss, once the palette is learned.
+    /// Content loss, once there is one.
     pub content: Option<f64>,
-    /// Style loss, once the palette is learned.
+    /// Style loss, once there is one.
     pub style: Option<f64>,
     /// Rays painted.
     pub rays: usize,
@@ -34,7 +35,10 @@ pub struct StyleReport {
 
 impl Objective<'_> {
     /// Losses of the colours of a patch's rays, with the style loss only where there is a target
-    /// that counts.
+    /// that counts; `palette` leads from the scene's colours to the painting's.
+    ///
+    /// # Errors
+    /// If the patch is too small for the perceptual network.
     ///
     /// # Shapes
     /// `colours`: `[rays, 3 or more]`.
@@ -43,18 +47,20 @@ impl Objective<'_> {
         colours: Tensor<2>,
         patch: &FrozenPatch,
         target: &Statistics,
+        palette: Palette,
         styled: bool,
-    ) -> Losses {
+    ) -> Result<Losses, StyleError> {
         let settings = self.settings;
         let pixels = self.patches.averaged(colours.clone());
         let traced = self.vgg.traced(pixels.clone());
+        let ground = self.ground(patch, palette)?;
         let (content, likeness) =
-            losses::content_and_style(&traced, &patch.content, target, settings.style_reduction);
+            losses::content_and_style(&traced, &ground.content, target, settings.style_reduction);
         let mut total = content.clone() * settings.content_weight;
         if styled {
             let style = likeness.clone() * settings.style_weight;
             let style = if settings.normalize_style_loss {
-                style * self.patches.style_loss_scale(target)
+                style * ground.style_scale(target)
             } else {
                 style
             };
@@ -66,11 +72,53 @@ impl Objective<'_> {
         if settings.smoothness_weight > 0.0 {
             total = total + self.patches.smoothness(colours) * settings.smoothness_weight;
         }
-        Losses {
+        Ok(Losses {
             total,
             content: Some(content),
             style: Some(likeness),
+        })
+    }
+
+    /// The patch before anything is painted: as it is, or where paint is in whitened colours in the
+    /// painting's colours. What content is compared with, and how far paint has to go, has nothing to
+    /// do with the palette then.
+    fn ground(&self, patch: &FrozenPatch, palette: Palette) -> Result<Ground, StyleError> {
+        if self.settings.shading.texture().is_none() {
+            return Ok(Ground {
+                content: patch.content.clone(),
+                statistics: patch.statistics.clone(),
+            });
         }
+        let [height, width, _] = patch.pixels.dims();
+        let pixels = patch.pixels.clone().inner().reshape([height * width, 3]);
+        let recoloured = palette.recoloured(pixels).reshape([height, width, 3]);
+        let [content, statistics] = self.vgg.features_of(recoloured)?.map(Tensor::from_inner);
+        Ok(Ground {
+            content,
+            statistics,
+        })
+    }
+}
+
+/// What the perceptual network says of a patch before anything is painted, constants of an autodiff graph.
+struct Ground {
+    content: Tensor<1>,
+    statistics: Tensor<1>,
+}
+
+/// Style distance between photos and a painting, as seen for captures of streets and gardens and
+/// for 100 paintings.
+const TYPICAL_DISTANCE: f32 = 0.8;
+/// Paintings nearer to the photos than this count no more than one at this distance.
+const LEAST_DISTANCE: f32 = 0.2;
+
+impl Ground {
+    /// What the style loss of a painting is multiplied with, so that all paintings count alike: the inverse
+    /// of its distance, in units of [`TYPICAL_DISTANCE`]. One number, a constant.
+    fn style_scale(&self, target: &Statistics) -> Tensor<1> {
+        let target = target.tensor(&self.statistics.device());
+        let distance = (self.statistics.clone() - target).square().mean();
+        distance.clamp_min(LEAST_DISTANCE).recip() * TYPICAL_DISTANCE
     }
 }
 

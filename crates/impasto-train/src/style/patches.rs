@@ -3,10 +3,13 @@
 use crate::geometry::PhotoRays;
 use burn::tensor::Tensor;
 use impasto_field::encoding::matrix;
-use impasto_field::{Appearance, AppearanceConfig, GBuffer, GBufferOptions, RayBatch, Renderer};
+use impasto_field::{
+    Appearance, AppearanceConfig, Field, GBuffer, GBufferOptions, RayBatch, Renderer,
+};
 use impasto_model::config::{ContentTarget, StyleConfig};
-use impasto_model::{CameraRays, ColorStatistics};
-use impasto_style::{PatchSampler, Perceptual, Statistics, StyleError};
+use impasto_model::{CameraRays, ColorStatistics, Model};
+use impasto_scene::Split;
+use impasto_style::{PatchSampler, Perceptual, StyleError};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -21,7 +24,7 @@ pub struct FrozenPatch {
     pub levels: Vec<Vec<GBuffer>>,
     /// The perceptual network's content feature of the unstylised patch, and its statistics.
     pub content: Tensor<1>,
-    statistics: Tensor<1>,
+    pub statistics: Tensor<1>,
     /// The unstylised patch, `[height, width, 3]`.
     pub pixels: Tensor<3>,
 }
@@ -36,12 +39,6 @@ impl FrozenPatch {
 
 /// One pixel in this many is enough to know the photos' colours.
 const PALETTE_STEP: usize = 17;
-
-/// Style distance between photos and a painting, as seen for captures of streets and gardens and
-/// for 100 paintings.
-const TYPICAL_DISTANCE: f32 = 0.8;
-/// Paintings nearer to the photos than this count no more than one at this distance.
-const LEAST_DISTANCE: f32 = 0.2;
 
 /// Marching rays through the field costs more than a style update does, so each patch is used
 /// several times, with other patches in between.
@@ -117,30 +114,24 @@ impl PatchPool {
         }
     }
 
+    /// Patches of a model's views: it holds no photos, so that its renders are all there is to go by.
+    pub(crate) fn of_model(model: &Model, settings: &StyleConfig, app: AppearanceConfig) -> Self {
+        let file = &model.file;
+        let photos = file.scene.cameras(Split::Train).into_iter();
+        let photos = photos.map(|camera| PhotoRays::new(camera, Vec::new(), None, None));
+        let field = Field::new(file.config.field.clone());
+        let (weights, grids) = (file.radiance.weights.clone(), file.grids.clone());
+        let photo = file.photo_app().clone();
+        let renderer = Renderer::open(field, weights, grids, photo.clone(), &app);
+        Self {
+            colors: model.photo_colors(),
+            ..Self::new(settings, app, renderer, photo, photos.collect())
+        }
+    }
+
     /// The colours of all photos together.
     pub fn colors(&self) -> &ColorStatistics {
         &self.colors
-    }
-
-    /// What the style loss of a painting is multiplied with, so that all paintings count alike:
-    /// the inverse of its distance to the photos so far, in units of [`TYPICAL_DISTANCE`].
-    ///
-    /// # Shapes
-    /// Result: one number, a constant of an autodiff graph.
-    ///
-    /// # Panics
-    /// If no patch was drawn yet.
-    pub fn style_loss_scale(&self, target: &Statistics) -> Tensor<1> {
-        let kept: Vec<Tensor<1>> = self
-            .kept
-            .iter()
-            .map(|k| k.patch.statistics.clone())
-            .collect();
-        let mean: Tensor<1> = Tensor::stack::<2>(kept, 0).mean_dim(0).squeeze_dim(0);
-        let distance = (mean.clone() - target.tensor(&mean.device()))
-            .square()
-            .mean();
-        distance.clamp_min(LEAST_DISTANCE).recip() * TYPICAL_DISTANCE
     }
 
     /// A new patch when the ones made so far have been used often enough, else a kept one.
@@ -385,7 +376,7 @@ mod tests {
         let weights = field.init(&mut rng, &device);
         let photo_app = config.photo_appearance();
         let photo_app = Appearance::init(photo_app, field.features(), &mut rng, &device);
-        let renderer = Renderer::reference(field, weights, Some(grids));
+        let renderer = Renderer::reference(field, weights, Some(grids), photo_app.clone());
         let app = config.style_appearance();
         PatchPool::new(&config.style, app, renderer, photo_app, photos)
     }

@@ -1,6 +1,5 @@
 //! Appearances that go on learning from their own painting.
 
-use crate::geometry::PhotoRays;
 use crate::optimizer::{Adam, Rate};
 use crate::paintings::window_statistics;
 use crate::readback::ReadbackSchedule;
@@ -8,7 +7,7 @@ use crate::style::chunks::loss_of;
 use crate::style::objective::Objective;
 use crate::style::patches::PatchPool;
 use image::RgbImage;
-use impasto_field::{Appearance, Field, Parameters, Renderer, host};
+use impasto_field::{Appearance, Palette, Parameters, host};
 use impasto_model::config::{ContentTarget, StyleConfig};
 use impasto_model::{Budget, Clock, Model, StyleEmbedding, StyledAppearance, square_statistics};
 use impasto_scene::Split;
@@ -17,9 +16,9 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
 /// Brings appearances closer to their paintings than hypernetworks do that have to know all of them: from
-/// the weights W^app that these predict and from everybody's canvas, both go on learning for one
+/// the weights W^app that these predict and from everybody's texture, both go on learning for one
 /// painting alone, by the style stage's losses on patches of the training views and of views between
-/// them. A canvas of its own is what a painting's own strokes need: `app` can only choose among those
+/// them. A texture of its own is what a painting's own strokes need: `app` can only choose among those
 /// that are there.
 ///
 /// Not part of the paper, whose appearances are predicted only: what this gains is the price of painting
@@ -34,8 +33,8 @@ pub struct Refinement<'a> {
 
 /// Learning rate of W^app: several times the hypernetworks', since few updates remain.
 const APP_RATE: f32 = 4e-3;
-/// Learning rate of the canvas.
-const CANVAS_RATE: f32 = 2e-2;
+/// Learning rate of the solid texture.
+const TEXTURE_RATE: f32 = 2e-2;
 /// Updates over which the rate rises: Adam's first steps are as long as any.
 const WARM_UP: f32 = 20.0;
 
@@ -46,12 +45,9 @@ impl<'a> Refinement<'a> {
     /// If an asset is damaged.
     pub fn new(model: &'a Model) -> Result<Option<Self>, StyleError> {
         let file = &model.file;
-        let cameras = file.scene.cameras(Split::Train);
-        if cameras.is_empty() || !model.has_style() {
+        if file.scene.cameras(Split::Train).is_empty() || !model.has_style() {
             return Ok(None);
         }
-        let photos = cameras.into_iter();
-        let photos = photos.map(|camera| PhotoRays::new(camera, Vec::new(), None, None));
         // A model holds no photos to compare with. What smoothness costs is strokes, which are what
         // is asked for here.
         let settings = StyleConfig {
@@ -60,16 +56,9 @@ impl<'a> Refinement<'a> {
             smoothness_weight: 0.0,
             ..file.config.style.clone()
         };
-        let apps = [
-            file.config.photo_appearance(),
-            file.config.style_appearance(),
-        ];
-        let (weights, grids) = (file.radiance.weights.clone(), file.grids.clone());
-        let field = Field::new(file.config.field.clone());
-        let renderer = Renderer::open(field, weights, grids, apps.each_ref());
-        let ([_, app], photo_app) = (apps, file.photo_app().clone());
+        let app = file.config.style_appearance();
         Ok(Some(Self {
-            patches: PatchPool::new(&settings, app, renderer, photo_app, photos.collect()),
+            patches: PatchPool::of_model(model, &settings, app),
             vgg: settings.perceptual.load()?,
             rng: Pcg64::seed_from_u64(file.seed),
             settings,
@@ -93,12 +82,13 @@ impl<'a> Refinement<'a> {
         let Some(embedding) = StyleEmbedding::mix(&embeddings) else {
             return Ok(None);
         };
-        let Some(predicted) = self.model.predicted(&embedding.code) else {
+        let Some(predicted) = self.model.predicted(&embedding) else {
             return Ok(None);
         };
         let target = self.target(paintings)?;
-        let appearance = self.descended(&predicted, &target, budget, progress)?;
-        Ok(Some(self.model.styled(appearance, &embedding.colors)))
+        let palette = self.model.photo_colors().palette_of(&embedding.colors);
+        let appearance = self.descended(&predicted, &target, palette, budget, progress)?;
+        Ok(Some(StyledAppearance::new(appearance)))
     }
 
     /// What patches are compared with: the weighted mean of the paintings' statistics. At least one
@@ -120,11 +110,12 @@ impl<'a> Refinement<'a> {
         Ok(mean)
     }
 
-    /// The appearance after gradient descent on its weights and on its canvas.
+    /// The appearance after gradient descent on its weights and on its texture.
     fn descended(
         &mut self,
         first: &Appearance,
         target: &Statistics,
+        palette: Palette,
         budget: Budget,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Appearance, StyleError> {
@@ -143,8 +134,9 @@ impl<'a> Refinement<'a> {
                 patches: &self.patches,
             };
             let loss = loss_of(parts, &leaves, |colours| {
-                objective.losses(colours, &patch, target, true).total
-            });
+                let losses = objective.losses(colours, &patch, target, palette, true)?;
+                Ok::<_, StyleError>(losses.total)
+            })?;
             let value = loss.clone().inner();
             let mut gradients = loss.backward();
             let named = leaves.named().into_iter();
@@ -157,7 +149,7 @@ impl<'a> Refinement<'a> {
             let warm = ((clock.steps + 1) as f32 / WARM_UP).min(1.0);
             let now = fade * warm;
             params.step(found, |name| {
-                Rate::of_look(name, CANVAS_RATE * now, APP_RATE * now)
+                Rate::of_look(name, TEXTURE_RATE * now, APP_RATE * now)
             });
             clock.steps += 1;
             if readback.due() {

@@ -6,13 +6,13 @@ use crate::optimizer::{Adam, Rate};
 use crate::paintings::{Style, StyleSet};
 use crate::readback::ReadbackSchedule;
 use crate::style::chunks::loss_of;
-use crate::style::objective::{Losses, Objective, StyleReport, difference};
+use crate::style::objective::{Objective, StyleReport};
 use crate::style::patches::{FrozenPatch, PatchPool, PoolProgress};
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use impasto_field::{Field, Parameters, Renderer};
 use impasto_kernels::device::is_cpu;
 use impasto_model::tensors::{Entry, TensorReader};
-use impasto_model::{Clock, StyleModel, TrainConfig};
+use impasto_model::{Clock, CodeNormalisation, StyleModel, TrainConfig};
 use impasto_style::{Perceptual, StyleError, StyleVae};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct StyleProgress {
     rng: Pcg64,
     updates: u64,
-    pool: PoolProgress,
+    pools: Vec<PoolProgress>,
     /// Of each parameter.
     adam: Vec<u32>,
 }
@@ -31,26 +31,29 @@ pub(crate) struct StyleProgress {
 /// Hypernetworks in training.
 pub struct StyleStage {
     config: TrainConfig,
-    patches: PatchPool,
+    /// Of every scene.
+    patches: Vec<PatchPool>,
     styles: StyleSet,
     vae: StyleVae,
     vgg: Perceptual,
     params: Adam<StyleModel>,
     rng: Pcg64,
     device: Device,
-    /// Updates with perceptual losses so far.
+    /// Updates so far.
     updates: u64,
     /// When a GPU's losses are read back, and what was last read.
     readback: ReadbackSchedule,
     reported: StyleReport,
 }
 
-/// What paintings are measured with.
+/// The networks of a style stage.
 pub struct StyleNetworks {
     /// The perceptual network.
     pub vgg: Perceptual,
     /// The encoder of styles.
     pub vae: StyleVae,
+    /// What to go on from; without, random weights.
+    pub first: Option<StyleModel>,
 }
 
 impl StyleStage {
@@ -67,27 +70,51 @@ impl StyleStage {
         seed: u64,
         device: &Device,
     ) -> Self {
+        let app = config.style_appearance();
+        let TrainedGeometry { radiance, grids } = geometry;
+        let (field, photo) = (Field::new(config.field.clone()), radiance.app.clone());
+        let renderer = Renderer::open(field, radiance.weights, grids, photo, &app);
+        let pool = PatchPool::new(&config.style, app, renderer, radiance.app, photos);
+        Self::over(config, vec![pool], networks, styles, seed, device)
+    }
+
+    /// Prepares training on patches of several scenes.
+    pub(crate) fn over(
+        config: &TrainConfig,
+        patches: Vec<PatchPool>,
+        networks: StyleNetworks,
+        styles: StyleSet,
+        seed: u64,
+        device: &Device,
+    ) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed ^ 0x57_79_6c_65);
         let field = Field::new(config.field.clone());
-        let params = Adam::new(&StyleModel::init(&field, config, &mut rng, device));
-        let apps = [config.photo_appearance(), config.style_appearance()];
-        let TrainedGeometry { radiance, grids } = geometry;
-        let renderer = Renderer::open(field, radiance.weights, grids, apps.each_ref());
-        let [_, app] = apps;
-        let patches = PatchPool::new(&config.style, app, renderer, radiance.app, photos);
+        let first = networks.first.unwrap_or_else(|| {
+            let codes = match config.style.pictures.canonical {
+                true => styles.code_normalisation(&networks.vae),
+                false => CodeNormalisation::none(),
+            };
+            let random = StyleModel::init(&field, config, &mut rng, device);
+            StyleModel { codes, ..random }
+        });
         Self {
             patches,
             config: config.clone(),
             styles,
             vae: networks.vae,
             vgg: networks.vgg,
-            params,
+            params: Adam::new(&first),
             rng,
             device: device.clone(),
             updates: 0,
             readback: ReadbackSchedule::new(),
             reported: StyleReport::default(),
         }
+    }
+
+    /// Paintings and crops of them that are learned from.
+    pub(crate) fn styles(&self) -> usize {
+        self.styles.len()
     }
 
     /// The current hypernetworks.
@@ -101,7 +128,7 @@ impl StyleStage {
         let progress = StyleProgress {
             rng: self.rng.clone(),
             updates: self.updates,
-            pool: self.patches.progress(),
+            pools: self.patches.iter().map(PatchPool::progress).collect(),
             adam,
         };
         (progress, entries)
@@ -114,8 +141,10 @@ impl StyleStage {
         from: &TensorReader<'_>,
     ) -> Result<(), String> {
         self.params.restore("", &progress.adam, from)?;
-        let filled = self.patches.restore(&progress.pool, &self.vgg);
-        filled.map_err(|e| e.to_string())?;
+        for (pool, progress) in self.patches.iter_mut().zip(&progress.pools) {
+            let filled = pool.restore(progress, &self.vgg);
+            filled.map_err(|e| e.to_string())?;
+        }
         self.rng = progress.rng.clone();
         self.updates = progress.updates;
         Ok(())
@@ -127,8 +156,9 @@ impl StyleStage {
     /// If a photo is smaller than a patch, or the patch too small for the perceptual network.
     pub fn step(&mut self, clock: &Clock) -> Result<StyleReport, StyleError> {
         let style = self.draw_style(self.config.style.virtual_share);
-        let patch = self.patches.draw(&self.vgg, &mut self.rng)?;
-        Ok(self.descend(&patch, &style, clock))
+        let scene = self.rng.random_range(0..self.patches.len());
+        let patch = self.patches[scene].draw(&self.vgg, &mut self.rng)?;
+        self.descend(scene, &patch, &style, clock)
     }
 
     /// A painting, or a mix of two.
@@ -141,36 +171,43 @@ impl StyleStage {
         self.styles.style(&self.vae, one, other)
     }
 
-    fn descend(&mut self, patch: &FrozenPatch, style: &Style, clock: &Clock) -> StyleReport {
+    fn descend(
+        &mut self,
+        scene: usize,
+        patch: &FrozenPatch,
+        style: &Style,
+        clock: &Clock,
+    ) -> Result<StyleReport, StyleError> {
         let model = self.params.leaves();
         let tracked = self.device.clone().autodiff();
-        let appearances = model.appearances(&self.config, &style.code, &tracked);
-        let palette = clock.progress() < f64::from(self.config.style.palette_share);
-        if !palette {
-            if self.updates == 0 {
-                // Useless for perceptual losses, whose gradients are thousands of times larger.
-                self.params.forget();
-            }
-            self.updates += 1;
-        }
+        let palette = self.patches[scene].colors().palette_of(&style.colors);
+        let appearances = model.appearances(&self.config, &style.code, palette, &tracked);
+        self.updates += 1;
         let read = self.readback.due() || is_cpu(&self.device);
         let mut report = StyleReport {
             rays: patch.rays(),
             ..self.reported
         };
+        let objective = Objective {
+            settings: &self.config.style,
+            vgg: &self.vgg,
+            patches: &self.patches[scene],
+        };
+        let styled = self.updates > self.config.style.style_loss_start;
         // Every level has a loss of its own; the field's, which is rendered, is the last.
         let losses = patch.levels.iter().zip(&appearances);
         let losses = losses.map(|(parts, appearance)| {
             loss_of(parts, appearance, |colours| {
-                let losses = self.losses(colours, patch, style, palette);
+                let losses = objective.losses(colours, patch, &style.target, palette, styled)?;
                 if read {
                     report = losses.report(patch.rays());
                 }
-                losses.total
+                Ok(losses.total)
             })
         });
+        let losses = losses.collect::<Result<Vec<_>, StyleError>>()?.into_iter();
         let Some(total) = losses.reduce(|sum, loss| sum + loss) else {
-            return report;
+            return Ok(report);
         };
         let mut gradients = total.backward();
         let leaves = model.named().into_iter();
@@ -183,52 +220,17 @@ impl StyleStage {
         }
         // Adam works in place only on what nobody else holds.
         drop((model, appearances));
-        let (hyper, canvas) = self.rates(clock);
+        let (hyper, texture) = self.rates(clock);
         self.params
-            .step(gradients, |name| Rate::of_look(name, canvas, hyper));
-        report
+            .step(gradients, |name| Rate::of_look(name, texture, hyper));
+        Ok(report)
     }
 
-    /// What a patch's colours should be: the photo in the painting's colours at first, then like the
-    /// painting.
-    fn losses(
-        &self,
-        colours: Tensor<2>,
-        patch: &FrozenPatch,
-        style: &Style,
-        palette: bool,
-    ) -> Losses {
-        if palette {
-            return self.palette_loss(colours, patch, style);
-        }
-        let objective = Objective {
-            settings: &self.config.style,
-            vgg: &self.vgg,
-            patches: &self.patches,
-        };
-        let styled = self.updates > self.config.style.style_loss_start;
-        objective.losses(colours, patch, &style.target, styled)
-    }
-
-    /// Squared difference to the photo in the painting's colours.
-    fn palette_loss(&self, rays: Tensor<2>, patch: &FrozenPatch, style: &Style) -> Losses {
-        let colours = self.patches.averaged(rays);
-        let transfer = self.patches.colors().transfer_to(&style.colors);
-        Losses {
-            total: difference(colours, transfer.applied(patch.pixels.clone())),
-            content: None,
-            style: None,
-        }
-    }
-
-    /// Learning rates of the hypernetworks and of the canvas for the current update.
+    /// Learning rates of the hypernetworks and of the texture for the current update.
     fn rates(&self, clock: &Clock) -> (f32, f32) {
         let settings = &self.config.style;
-        if self.updates == 0 {
-            return (settings.palette_rate, 0.0);
-        }
         let warm = (self.updates as f32 / settings.lr_warmup_steps.max(1) as f32).min(1.0);
         let fade = settings.final_rate.powf(clock.progress() as f32) * warm;
-        (settings.rate * fade, settings.canvas_rate * fade)
+        (settings.rate * fade, settings.texture_rate * fade)
     }
 }

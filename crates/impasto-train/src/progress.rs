@@ -1,7 +1,6 @@
 //! A running stage's progress, reported now and then.
 
 use crate::event::{Event, Stage};
-use crate::run::log::Log;
 use crate::smooth::{REPORT_EVERY, Smooth};
 use impasto_model::Clock;
 use serde::{Deserialize, Serialize};
@@ -31,14 +30,19 @@ impl Progress {
         }
     }
 
-    /// Takes note of a step: total, content and style loss, as far as there are.
+    /// The smoothed losses so far: total, content and style.
+    pub(crate) fn losses(&self) -> [Option<f64>; 3] {
+        self.reported.losses.map(Smooth::value)
+    }
+
+    /// Takes note of a step: total, content and style loss, as far as there are. What is to be said of it,
+    /// now and then.
     pub(crate) fn step(
         &mut self,
         clock: &Clock,
         losses: [Option<f64>; 3],
         rays: usize,
-        log: &mut Log<'_>,
-    ) {
+    ) -> Option<Event> {
         for (smooth, loss) in self.reported.losses.iter_mut().zip(losses) {
             if let Some(loss) = loss {
                 smooth.add(loss);
@@ -46,12 +50,12 @@ impl Progress {
         }
         self.reported.rays += rays as u64;
         if self.last.elapsed() < REPORT_EVERY && !clock.is_over() {
-            return;
+            return None;
         }
         self.last = Instant::now();
         let seconds = clock.seconds().max(1e-9);
-        let [loss, content, style] = self.reported.losses.map(Smooth::value);
-        log.event(&Event::Step {
+        let [loss, content, style] = self.losses();
+        Some(Event::Step {
             stage: self.stage,
             step: clock.steps,
             progress: clock.progress(),
@@ -61,6 +65,6 @@ impl Progress {
             rate: clock.steps as f64 / seconds,
             rays_per_second: self.reported.rays as f64 / seconds,
             eta: clock.eta(),
-        });
+        })
     }
 }
