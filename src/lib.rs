@@ -37,10 +37,11 @@
 pub use impasto_eval as eval;
 pub use impasto_export as export;
 pub use impasto_model::{
-    Budget, ColorPreservation, Device, DeviceChoice, LOST, LayerError, MaskShape, MaskSpec, Model,
-    ModelError, ModelPhoto, ModelScene, NoDevice, Opened, PaintingSpec, RenderedView, Stages, Stop,
-    StyleEmbedding, StyleLayer, StyleLayerSpec, StyleLayers, StyleModel, StyledAppearance,
-    TrainConfig, ViewGBuffer, is_cpu,
+    Budget, ColorPreservation, Device, DeviceChoice, LOST, LayerError, LayerSettings, MaskShape,
+    MaskSpec, Model, ModelError, ModelPhoto, ModelScene, NoDevice, Opened, PaintingSpec,
+    RenderedView, STROKE_SIZES, SavedAppearance, Stages, Stop, StrokeSettings, StyleEmbedding,
+    StyleLayer, StyleLayerSpec, StyleLayers, StyleModel, StyledAppearance, TrainConfig,
+    ViewGBuffer, is_cpu,
 };
 pub use impasto_paintings as paintings;
 pub use impasto_prepare as prepare;

@@ -208,6 +208,9 @@ fn wrong_usage_exits_with_two() {
         "render m -o x.png --interpolate 3 --frames 2 --style p.png --style p.png",
         "render m -o x.png --interpolate 3 --refine 2s --style p.png --style p.png",
         "render m -o x.png --refine 2s",
+        "render m -o x.png --style p.png --save-look l.safetensors",
+        "render m -o x.png --style p.png --look l.safetensors",
+        "render m -o x.png --stroke-strength 0.5",
         "eval m --styles s --reconstruct 5s",
         "eval m --styles s --against wct --wct-weights w --reconstruct-paintings 0",
         "train-encoder",
@@ -396,8 +399,22 @@ fn strength_and_mixes(folder: &Path) {
     );
     let mix = "--style paintings/red.png:2 --style paintings/grey.png:0";
     assert_eq!(picture("mix.png", mix), red);
-    let refined = picture("closer.png", "--style paintings/red.png --refine 1s");
+    let refined = picture(
+        "closer.png",
+        "--style paintings/red.png --refine 1s --save-look red.safetensors",
+    );
     assert!(refined != red && refined != photo);
+    // What was kept is what was rendered, put on as any other look.
+    let look = "--look red.safetensors";
+    assert_eq!(picture("again.png", look), refined);
+    assert_eq!(
+        picture("again-none.png", &format!("{look} --strength 0")),
+        photo
+    );
+    assert_ne!(
+        picture("bold.png", &format!("{look} --stroke-size 2")),
+        refined
+    );
 }
 
 /// The ends of a row are the styles themselves.

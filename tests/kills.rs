@@ -22,7 +22,8 @@ const RUN: &str = "train scene -o model --styles paintings --steps 24 --checkpoi
     --set style.generated=3 --set style.pool=2 --set field.sampling.occupancy.inner_grid=24 \
     --set field.sampling.occupancy.outer_grid=24 --set field.inner.encoding.hash_grid.log2_entries=12 \
     --set field.outer.encoding.hash_grid.log2_entries=12 --set geometry.samples=20000 \
-    --set geometry.grid_every=4 --set style.hyper_width=8";
+    --set geometry.grid_every=4 --set style.hyper_width=8 \
+    --set style.shading.painted.distilled.log2_entries=8";
 
 fn command(folder: &Path, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_impasto"));

@@ -76,7 +76,11 @@ fn model(config: &TrainConfig, scratch: &Path) -> Vec<u8> {
     let folder = scratch.join("transforms.json");
     let scene = load(&folder, &LoadOptions::default()).expect("a capture");
     let stage = GeometryStage::new(&scene, config, 1, &Device::default());
-    let TrainedGeometry { radiance, grids } = stage.snapshot();
+    let TrainedGeometry {
+        radiance,
+        grids,
+        features,
+    } = stage.snapshot();
     let photos = scene.photos.iter().map(|photo| ModelPhoto {
         name: photo.name.clone(),
         camera: photo.camera,
@@ -94,6 +98,7 @@ fn model(config: &TrainConfig, scratch: &Path) -> Vec<u8> {
         seed: 1,
         radiance,
         grids,
+        features,
         style: None,
         encoder: None,
         finished: None,

@@ -28,10 +28,13 @@ pub struct ExportArgs {
     /// The model's folder
     model: PathBuf,
     /// A painting; several are mixed by their weights (IMAGE:0.7)
-    #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
+    #[arg(long = "style", value_name = "IMAGE[:WEIGHT]", group = "paint")]
     styles: Vec<StyleArg>,
+    /// A look that `impasto render --save-look` has kept
+    #[arg(long, value_name = "FILE.safetensors", group = "paint")]
+    look: Option<PathBuf>,
     /// Coats of paint, one over the other, in place of styles: a JSON file as the studio saves it
-    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "strength", "keep", "mask"])]
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "look", "strength", "stroke_size", "stroke_strength", "keep", "mask"])]
     coats: Option<PathBuf>,
     #[command(flatten)]
     settings: RenderSettings,
@@ -85,7 +88,7 @@ pub fn run(args: &ExportArgs) -> Result<CommandOutput, CliError> {
             "an export has one look: give each --style a weight (IMAGE:0.5) to mix them".into(),
         ));
     }
-    let styles = Styles::load(&args.styles, args.coats.as_deref())?;
+    let styles = Styles::load(&args.styles, args.coats.as_deref(), args.look.as_deref())?;
     check_folder(&parent(&args.output))?;
     let model = Model::load_on(&args.model, &args.device.open()?)?;
     let mut variants = styles.variants(&model, None, &args.settings)?;

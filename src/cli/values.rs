@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use impasto::{ColorPreservation, MaskShape, MaskSpec};
+use impasto::{ColorPreservation, MaskShape, MaskSpec, STROKE_SIZES};
 
 /// Longest side that can be asked for, in pixels.
 const LONGEST_SIDE: u32 = 16_384;
@@ -96,6 +96,12 @@ pub fn fps(text: &str) -> Result<f64, String> {
 pub fn share(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|n| (0.0..=1.0).contains(n));
     number.ok_or_else(|| format!("\"{text}\" is not a number from 0 to 1"))
+}
+
+/// Reads how large strokes are.
+pub fn stroke_size(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|n| STROKE_SIZES.contains(n));
+    number.ok_or_else(|| format!("\"{text}\" is not a number from 0.5 to 2"))
 }
 
 /// Reads whose colours a coat keeps.

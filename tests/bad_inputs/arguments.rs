@@ -251,6 +251,29 @@ fn arguments() -> Vec<Case> {
             &["2", "0 to 1"],
         ),
         usage(
+            "two looks into one file",
+            "render model -o new --style styles/red.png --style styles/red.png --refine 1s \
+             --save-look look.safetensors",
+            &["--save-look", "one --style"],
+        ),
+        bad(
+            "a painting as a look",
+            "render model -o new --look styles/red.png",
+            |_| (),
+            &["red.png", "safetensors", "--save-look"],
+        ),
+        bad(
+            "a model as a look",
+            "render model -o new --look model/model.safetensors",
+            |_| (),
+            &["model.safetensors", "not a look", "--save-look"],
+        ),
+        usage(
+            "strokes three times as large",
+            "render model -o new --style styles/red.png --stroke-size 3",
+            &["3", "0.5 to 2"],
+        ),
+        usage(
             "a mask of no shape",
             "render model -o new --style styles/red.png --mask sky",
             &["sky", "near, far", "sphere:"],

@@ -2,6 +2,7 @@
 
 use crate::branch::kaiming;
 use crate::config::AppearanceConfig;
+use crate::distilled::DistilledFeatures;
 use crate::encoding::vector;
 use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor};
@@ -22,6 +23,26 @@ pub struct SolidPaint {
     pub texture: Tensor<1>,
     /// Where colours come from and go to.
     pub palette: Palette,
+    /// How large and how strong strokes are.
+    pub strokes: StrokeSettings,
+}
+
+/// What strokes are made of what was learned: nothing that is trained.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StrokeSettings {
+    /// How many times as large as they were learned, 0.5 to 2.
+    pub size: f32,
+    /// From the scene in the painting's colours (0) to all strokes (1).
+    pub strength: f32,
+}
+
+impl Default for StrokeSettings {
+    fn default() -> Self {
+        Self {
+            size: 1.0,
+            strength: 1.0,
+        }
+    }
 }
 
 impl SolidPaint {
@@ -31,6 +52,7 @@ impl SolidPaint {
         Self {
             texture: vector(entries.collect(), device),
             palette: Palette::NONE,
+            strokes: StrokeSettings::default(),
             spec,
         }
     }
@@ -40,6 +62,7 @@ impl SolidPaint {
         Self {
             texture: Tensor::zeros([spec.params()], device),
             palette: Palette::NONE,
+            strokes: StrokeSettings::default(),
             spec,
         }
     }
@@ -127,9 +150,9 @@ impl Appearance {
     ) -> Self {
         let mut app = |width| kaiming(config.network(width).layers(), rng, device);
         let [inner, outer] = [app(features[0]), app(features[1])];
-        let texture = config.shading.texture();
+        let texture = config.shading.paint().map(|paint| paint.texture);
         Self {
-            paint: texture.map(|texture| SolidPaint::init(*texture, rng, device)),
+            paint: texture.map(|texture| SolidPaint::init(texture, rng, device)),
             config,
             inner,
             outer,
@@ -140,14 +163,30 @@ impl Appearance {
     /// Zero weights, for reading.
     pub fn zeros(config: AppearanceConfig, features: [usize; 2], device: &Device) -> Self {
         let app = |width| Tensor::zeros([config.network(width).params()], device);
-        let texture = config.shading.texture();
+        let texture = config.shading.paint().map(|paint| paint.texture);
         Self {
             inner: app(features[0]),
             outer: app(features[1]),
-            paint: texture.map(|texture| SolidPaint::zeros(*texture, device)),
+            paint: texture.map(|texture| SolidPaint::zeros(texture, device)),
             latent: None,
             config,
         }
+    }
+}
+
+/// What is painted on: all that is known of a scene's surfaces before any style.
+#[derive(Debug, Clone)]
+pub struct Ground {
+    /// The unstylised appearance.
+    pub photo: Appearance,
+    /// What is around places; zeros where nothing was distilled.
+    pub features: Option<DistilledFeatures>,
+}
+
+impl From<Appearance> for Ground {
+    fn from(photo: Appearance) -> Self {
+        let features = None;
+        Self { photo, features }
     }
 }
 

@@ -225,17 +225,42 @@ pub enum Shading {
     /// At every sample, then composited (the paper's volume rendering).
     Samples,
     /// Deferred: once per ray and volume, on the samples' means, which is several times cheaper, and paint
-    /// keeps its contrast where a surface is a haze of several samples. `app` sees nothing that is one
-    /// scene's own: the unstylised colour, in the painting's whitened colours, and a solid texture.
-    /// What it gives is added to that colour, so that palettes need not be learned.
-    Painted(SolidTextureSpec),
+    /// keeps its contrast where a surface is a haze of several samples. `app` sees what means the same in
+    /// every scene: the unstylised colour, in the painting's whitened colours, what a perceptual network
+    /// sees around the place, and a solid texture. What it gives is added to that colour, so that palettes
+    /// need not be learned.
+    Painted(PaintSpec),
+}
+
+/// Numbers that distilled features say of a place.
+pub const DISTILLED_FEATURES: usize = 20;
+
+/// Sizes of what the painter sees beside colours.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaintSpec {
+    /// The solid texture, of which strokes are made.
+    pub texture: SolidTextureSpec,
+    /// Hash grid of the scene's distilled features, by which strokes know what they are on.
+    pub distilled: HashGridSpec,
+}
+
+impl PaintSpec {
+    /// Checks every size.
+    ///
+    /// # Errors
+    /// The first that is out of range, with its name behind `path`.
+    pub fn check(&self, path: &str) -> Result<(), OutOfRange> {
+        self.texture.check(&format!("{path}.texture"))?;
+        check_hash_grid(&self.distilled, &format!("{path}.distilled"))
+    }
 }
 
 impl Shading {
-    /// The solid texture, where there is one.
-    pub fn texture(&self) -> Option<&SolidTextureSpec> {
+    /// What is painted with, where anything is.
+    pub fn paint(&self) -> Option<&PaintSpec> {
         match self {
-            Self::Painted(texture) => Some(texture),
+            Self::Painted(paint) => Some(paint),
             Self::Samples => None,
         }
     }
@@ -277,7 +302,10 @@ impl AppearanceConfig {
         let view = self.app.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));
         // What the painter sees first is a colour.
         let (features, others, last) = match self.shading {
-            Shading::Painted(texture) => (3, texture.outputs(), Activation::Linear),
+            Shading::Painted(paint) => {
+                let others = DISTILLED_FEATURES + paint.texture.outputs();
+                (3, others, Activation::Linear)
+            }
             Shading::Samples => (features, view, Activation::Sigmoid),
         };
         let mut widths = vec![features + others];

@@ -18,6 +18,7 @@ pub mod appearance;
 mod backend;
 pub mod branch;
 pub mod config;
+pub mod distilled;
 pub mod encoding;
 pub mod field;
 pub mod grids;
@@ -30,13 +31,14 @@ pub mod sphere;
 pub mod training;
 mod volrend;
 
-pub use appearance::{Appearance, Palette, SolidPaint};
+pub use appearance::{Appearance, Ground, Palette, SolidPaint, StrokeSettings};
 pub use backend::reference::FieldValues;
 pub use branch::{Branch, BranchWeights};
 pub use config::{
-    AppConfig, AppearanceConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig,
-    Shading, VolumeConfig,
+    AppConfig, AppearanceConfig, EncodingConfig, FieldConfig, HierarchicalConfig, PaintSpec,
+    SamplingConfig, Shading, VolumeConfig,
 };
+pub use distilled::DistilledFeatures;
 pub use encoding::host;
 pub use field::{Field, FieldWeights, RadianceField};
 pub use grids::{OccupancyGrids, VisibleCells};
@@ -45,4 +47,4 @@ pub use parameters::Parameters;
 pub use rays::{RayBatch, contracted_distance, jitter};
 pub use renderer::{GBufferOptions, RayBuffers, RenderedRays, Renderer};
 pub use sampling::Samples;
-pub use volrend::gbuffer::GBuffer;
+pub use volrend::gbuffer::{GBuffer, SurfacePoints};

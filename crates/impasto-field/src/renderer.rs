@@ -1,6 +1,6 @@
 //! The one ray renderer.
 
-use crate::appearance::Appearance;
+use crate::appearance::{Appearance, Ground};
 use crate::backend::cpu::{Cpu, CpuWeights};
 #[cfg(feature = "gpu")]
 use crate::backend::gpu::{Gpu, GpuField};
@@ -21,7 +21,7 @@ pub struct Renderer {
     field: Field,
     weights: FieldWeights,
     grids: Option<OccupancyGrids>,
-    photo: Appearance,
+    ground: Ground,
     engine: Engine,
 }
 
@@ -94,22 +94,23 @@ pub fn pixels(composite: Tensor<2>) -> Vec<f32> {
 }
 
 impl Renderer {
-    /// Opens a field on the fastest backend that can do it all: rendering with appearances of these
-    /// configurations, of which `photo`, the unstylised one, is shaded at samples.
+    /// Opens a field on the fastest backend that can do it all: rendering with the unstylised appearance,
+    /// which is shaded at samples, and with those of the configuration `style` on what is known of surfaces.
     pub fn open(
         field: Field,
         weights: FieldWeights,
         grids: Option<OccupancyGrids>,
-        photo: Appearance,
+        ground: impl Into<Ground>,
         style: &AppearanceConfig,
     ) -> Self {
-        let apps = [&photo.config, style];
+        let ground = ground.into();
+        let apps = [&ground.photo.config, style];
         let engine = Engine::of(&field, &weights, grids.as_ref(), apps);
         Self {
             field,
             weights,
             grids,
-            photo,
+            ground,
             engine,
         }
     }
@@ -119,13 +120,13 @@ impl Renderer {
         field: Field,
         weights: FieldWeights,
         grids: Option<OccupancyGrids>,
-        photo: Appearance,
+        ground: impl Into<Ground>,
     ) -> Self {
         Self {
             field,
             weights,
             grids,
-            photo,
+            ground: ground.into(),
             engine: Engine::Reference,
         }
     }
@@ -152,11 +153,11 @@ impl Renderer {
 
     /// Renders rays; geometry is computed once for all appearances.
     pub fn render(&self, rays: &RayBatch, appearances: &[&Appearance]) -> RenderedRays {
-        let photo = &self.photo;
+        let ground = &self.ground;
         let job = Render {
             rays,
             appearances,
-            photo,
+            ground,
         };
         self.with_backend(&self.engine, job)
     }
@@ -172,11 +173,11 @@ impl Renderer {
             Engine::Gpu(_) if options.config.shading == Shading::Samples => &Engine::Reference,
             engine => engine,
         };
-        let photo = &self.photo;
+        let ground = &self.ground;
         let job = Buffer {
             rays,
             options,
-            photo,
+            ground,
         };
         self.with_backend(engine, job)
     }
@@ -255,7 +256,7 @@ fn in_chunks<B: Backend, T: Send>(
 struct Render<'a> {
     rays: &'a RayBatch,
     appearances: &'a [&'a Appearance],
-    photo: &'a Appearance,
+    ground: &'a Ground,
 }
 
 impl Job for Render<'_> {
@@ -288,7 +289,7 @@ impl Job for Render<'_> {
                         let spec = BufferSpec {
                             config,
                             least_weight: 0.0,
-                            photo: self.photo,
+                            ground: self.ground,
                             rays: &rays,
                         };
                         buffers.push((config, backend.accumulate(&evaluated, spec)));
@@ -326,7 +327,7 @@ impl Job for Render<'_> {
 struct Buffer<'a> {
     rays: &'a RayBatch,
     options: &'a GBufferOptions<'a>,
-    photo: &'a Appearance,
+    ground: &'a Ground,
 }
 
 impl Job for Buffer<'_> {
@@ -348,7 +349,7 @@ impl Job for Buffer<'_> {
             let spec = BufferSpec {
                 config: options.config,
                 least_weight: least,
-                photo: self.photo,
+                ground: self.ground,
                 rays: &rays,
             };
             let buffers = levels.iter().map(|level| backend.accumulate(level, spec));

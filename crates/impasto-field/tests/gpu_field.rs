@@ -6,9 +6,9 @@ use burn::tensor::{Device, Tensor};
 use impasto_field::sampling::{Samples, VolumeSamples};
 use impasto_field::training::{BatchSize, FieldTraining, LossWeights};
 use impasto_field::{
-    AppConfig, Appearance, AppearanceConfig, EncodingConfig, Field, FieldConfig, FieldWeights,
-    GBuffer, GBufferOptions, OccupancyGrids, Parameters, RadianceField, RayBatch, Renderer,
-    SamplingConfig, Shading, VolumeConfig, host, jitter,
+    AppConfig, Appearance, AppearanceConfig, DistilledFeatures, EncodingConfig, Field, FieldConfig,
+    FieldWeights, GBuffer, GBufferOptions, Ground, OccupancyGrids, PaintSpec, Parameters,
+    RadianceField, RayBatch, Renderer, SamplingConfig, Shading, VolumeConfig, host, jitter,
 };
 use impasto_kernels::device::{is_cpu, tested};
 use impasto_kernels::gpu::{DensityGrids, FieldSpec, Rays, SamplesRead, Targets, descend};
@@ -88,14 +88,27 @@ fn photo_app() -> AppearanceConfig {
     }
 }
 
-fn texture() -> SolidTextureSpec {
-    SolidTextureSpec {
-        octaves: 3,
-        side: 6,
-        finest: 2.0,
-        ratio: 1.5,
+fn paint() -> PaintSpec {
+    PaintSpec {
+        texture: SolidTextureSpec {
+            octaves: 3,
+            side: 6,
+            finest: 2.0,
+            ratio: 1.5,
+            stretch: 3.0,
+            bend: 1.2,
+        },
+        distilled: DISTILLED,
     }
 }
+
+const DISTILLED: HashGridSpec = HashGridSpec {
+    levels: 2,
+    features: 2,
+    log2_entries: 10,
+    coarsest: 4.0,
+    finest: 9.0,
+};
 
 /// Blobs in empty space.
 fn grids() -> OccupancyGrids {
@@ -114,7 +127,8 @@ fn many_rays(count: usize) -> RayBatch {
     for i in 0..count {
         let at = |k: f32| (i as f32 * k).sin();
         let origin = [0.3 * at(0.7), 0.3 * at(1.3), -0.4];
-        rays.push(origin, [0.4 * at(2.1), 0.4 * at(0.9), 1.0]);
+        // As wide as a camera's: the finer paint is, the more of it a rounding error changes.
+        rays.push_painted(origin, [0.4 * at(2.1), 0.4 * at(0.9), 1.0], 0.01);
     }
     rays
 }
@@ -478,7 +492,7 @@ fn renders_and_patches_are_the_hosts() {
     let Some(device) = gpu() else { return };
     let (field, rays) = (Field::new(config()), many_rays(500));
     let mut settings = photo_app();
-    settings.shading = Shading::Painted(texture());
+    settings.shading = Shading::Painted(paint());
     settings.app.layer_norm = true;
     let all = [device, Device::flex()].map(|device| {
         let (own, photo) = weights(5, &device);
@@ -488,7 +502,13 @@ fn renders_and_patches_are_the_hosts() {
             &mut Pcg64::seed_from_u64(8),
             &device,
         );
-        let renderer = Renderer::open(field.clone(), own, Some(grids()), photo.clone(), &settings);
+        let features = DistilledFeatures::init(DISTILLED, &mut Pcg64::seed_from_u64(9), &device);
+        let ground = Ground {
+            photo: photo.clone(),
+            // Of a size that shows.
+            features: Some(features.map(|_, own| own.clone() * 1e3)),
+        };
+        let renderer = Renderer::open(field.clone(), own, Some(grids()), ground, &settings);
         let rendered = renderer.render(&rays, &[&photo, &style, &style]);
         let options = GBufferOptions {
             config: &settings,
@@ -558,7 +578,7 @@ fn fields_that_cannot_stay_there_say_so() {
     };
     assert!(!training(&field, &shifted, &device));
     let painted = AppearanceConfig {
-        shading: Shading::Painted(texture()),
+        shading: Shading::Painted(paint()),
         ..photo_app()
     };
     assert!(!training(&field, &painted, &device));

@@ -14,6 +14,8 @@ const SPEC: SolidTextureSpec = SolidTextureSpec {
     side: 5,
     finest: 2.0,
     ratio: 1.5,
+    stretch: 3.0,
+    bend: 1.2,
 };
 
 /// Places on both sides of the origin with footprints of many octaves.
@@ -37,10 +39,18 @@ fn terms(places: &[f32], mut visit: impl FnMut(usize, usize, f64)) {
             for (turn, share) in [(0, 1.0 - part), (1, part)] {
                 let (matrix, shift) = octave(&SPEC, finest as i32 + (slot + turn) as i32);
                 // In single precision as the kernel: where a place lies in a cell is no more exact.
-                let at = [0, 1, 2].map(|axis| {
+                let straight = [0, 1, 2].map(|axis| {
                     let row = matrix[axis];
                     row[0] * place[0] + row[1] * place[1] + row[2] * place[2] + shift[axis]
                 });
+                let mut at = [0, 1, 2].map(|axis| {
+                    // One arch of the wave up, one down, each a parabola.
+                    let turn = (straight[(axis + 1) % 3] / 9.5).rem_euclid(1.0);
+                    let arch = (turn * 2.0).fract();
+                    let height = 4.0 * arch * (1.0 - arch);
+                    straight[axis] + SPEC.bend * if turn < 0.5 { height } else { -height }
+                });
+                at[0] /= SPEC.stretch;
                 for corner in 0..8 {
                     let (mut entry, mut weight) = (0, share / length);
                     for (axis, x) in at.iter().enumerate() {

@@ -5,9 +5,10 @@ use glam::{DMat3, DVec3};
 use image::RgbImage;
 use impasto_field::Palette;
 use impasto_style::{picture, square_crop};
+use serde::{Deserialize, Serialize};
 
 /// Mean and covariance of RGB colours in `[0, 1]`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ColorStatistics {
     mean: DVec3,
     covariance: DMat3,

@@ -7,7 +7,7 @@ use crate::painter::{CODE_MEAN, CODE_SCALE};
 use crate::record::TrainingRecord;
 use crate::tensors::{Entry, TensorReader, serialize};
 use burn::tensor::Device;
-use impasto_field::{Appearance, Field, OccupancyGrids, RadianceField};
+use impasto_field::{Appearance, DistilledFeatures, Field, Ground, OccupancyGrids, RadianceField};
 use impasto_scene::file::{LARGEST_FILE, plainly, read_whole, write_atomic};
 use impasto_scene::{Camera, Normalisation, Split};
 use impasto_style::{StyleCode, StyleError, StyleVae};
@@ -24,7 +24,7 @@ pub const MODEL_FILE: &str = "model.safetensors";
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 
 /// One photo that a model was made from; the pixels are not kept.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -150,6 +150,8 @@ pub struct ModelFile {
     pub radiance: RadianceField,
     /// Density grids, where samples go by those.
     pub grids: Option<OccupancyGrids>,
+    /// What is around places, where appearances are painted.
+    pub features: Option<DistilledFeatures>,
     /// Hypernetworks, once the style stage has run.
     pub style: Option<StyleModel>,
     /// The encoder that its style codes come from, if it is not the shipped one.
@@ -160,6 +162,8 @@ pub struct ModelFile {
 
 /// Tensor that holds an encoder's own safetensors file, byte by byte.
 const ENCODER: &str = "style_vae";
+/// A tensor that is there where features were distilled.
+const DISTILLED: &str = "distilled.encoding";
 /// Names of both density grids.
 const GRIDS: [&str; 2] = ["inner.grid", "outer.grid"];
 
@@ -177,6 +181,14 @@ impl ModelFile {
         &self.radiance.app
     }
 
+    /// What is painted on.
+    pub fn ground(&self) -> Ground {
+        Ground {
+            photo: self.photo_app().clone(),
+            features: self.features.clone(),
+        }
+    }
+
     fn entries(&self) -> Result<Vec<Entry>, StyleError> {
         let grids = self
             .grids
@@ -188,6 +200,9 @@ impl ModelFile {
             .map(|(name, grid)| Entry::levels(name, grid))
             .collect();
         entries.extend(Entry::parameters(&self.radiance));
+        if let Some(features) = &self.features {
+            entries.extend(Entry::parameters(features));
+        }
         if let Some(style) = &self.style {
             entries.extend(Entry::parameters(style));
             entries.push(Entry::floats(CODE_MEAN, &style.codes.mean));
@@ -303,6 +318,11 @@ fn read(reader: TensorReader<'_>, header: Header) -> Result<ModelFile, String> {
     } else {
         None
     };
+    let paint = config.style.shading.paint();
+    let features = paint.filter(|_| reader.has(DISTILLED)).map(|paint| {
+        let like = DistilledFeatures::zeros(paint.distilled, reader.device);
+        reader.parameters(&like)
+    });
     let stored = reader.tensors.tensor(ENCODER).ok();
     let encoder = stored.map(|tensor| StyleVae::from_bytes(ENCODER, tensor.data()));
     let encoder = encoder
@@ -311,6 +331,7 @@ fn read(reader: TensorReader<'_>, header: Header) -> Result<ModelFile, String> {
     Ok(ModelFile {
         radiance: reader.parameters(&like)?,
         grids,
+        features: features.transpose()?,
         style,
         encoder,
         config,

@@ -83,8 +83,8 @@ pub fn hypernetworks(field: &Field, config: &TrainConfig) -> Vec<Hypernetwork> {
         )
     };
     let volumes = field.features();
-    // What paints from colour and texture sees the same in both volumes.
-    let apart = app.shading.texture().map_or(volumes.len(), |_| 1);
+    // A painter sees the same in both volumes.
+    let apart = app.shading.paint().map_or(volumes.len(), |_| 1);
     volumes[..apart].iter().map(one).collect()
 }
 
@@ -96,12 +96,12 @@ impl StyleModel {
             .map(|_| hyper.iter().map(|h| h.init(rng, device)).collect())
             .collect();
         let app = config.style_appearance();
-        let texture = app.shading.texture();
+        let texture = app.shading.paint().map(|paint| paint.texture);
         Self {
             codes: CodeNormalisation::none(),
             hyper,
             levels,
-            paint: texture.map(|texture| SolidPaint::init(*texture, rng, device)),
+            paint: texture.map(|texture| SolidPaint::init(texture, rng, device)),
         }
     }
 
@@ -112,14 +112,13 @@ impl StyleModel {
             let layers = h.lengths().into_iter().map(|n| Tensor::zeros([n], device));
             HypernetworkWeights(layers.collect())
         };
-        let texture = config.style_appearance().shading;
-        let texture = texture.texture();
+        let texture = config.style.shading.paint().map(|paint| paint.texture);
         Self {
             codes: CodeNormalisation::none(),
             levels: (0..config.field.levels())
                 .map(|_| hyper.iter().map(zeros).collect())
                 .collect(),
-            paint: texture.map(|texture| SolidPaint::zeros(*texture, device)),
+            paint: texture.map(|texture| SolidPaint::zeros(texture, device)),
             hyper,
         }
     }

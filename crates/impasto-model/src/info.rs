@@ -84,6 +84,7 @@ impl ModelFile {
                 "photo_app": count([&app.inner, &app.outer]),
                 "hypernetworks": count(hypernetworks),
                 "texture": count(paint.iter().map(|paint| &paint.texture)),
+                "distilled": count(self.features.iter().flat_map(|f| [&f.encoding, &f.readout])),
             },
             "normalisation": self.scene.normalisation,
             "seed": self.seed,

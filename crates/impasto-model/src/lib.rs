@@ -15,6 +15,7 @@ mod file;
 mod hypernetworks;
 mod info;
 mod layers;
+mod look;
 mod model;
 mod painter;
 mod record;
@@ -33,12 +34,14 @@ pub use embedding::{StyleEmbedding, painting_statistics, square_statistics, stru
 pub use error::ModelError;
 pub use file::{CHECKPOINT_FILE, Grain, MODEL_FILE, ModelFile, ModelPhoto, ModelScene, Quality};
 pub use hypernetworks::{CodeNormalisation, StyleModel, hypernetworks};
+pub use impasto_field::StrokeSettings;
 pub use impasto_field::encoding::LOST;
 pub use impasto_kernels::device::{DeviceChoice, NoDevice, Opened, is_cpu};
 pub use layers::{
-    ColorPreservation, LayerError, MaskShape, MaskSpec, PaintingSpec, StyleLayer, StyleLayerSpec,
-    StyleLayers,
+    ColorPreservation, LayerError, LayerSettings, MaskShape, MaskSpec, PaintingSpec, STROKE_SIZES,
+    StyleLayer, StyleLayerSpec, StyleLayers,
 };
+pub use look::SavedAppearance;
 pub use model::Model;
 pub use record::{PhotoMark, RunIdentity, Stages, TrainingRecord};
 pub use rendered::RenderedView;

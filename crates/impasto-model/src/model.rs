@@ -67,7 +67,7 @@ impl Model {
                 field,
                 weights,
                 file.grids.clone(),
-                file.photo_app().clone(),
+                file.ground(),
                 &config.style_appearance(),
             ),
             file,

@@ -4,14 +4,16 @@ use crate::appearance::StyledAppearance;
 use crate::camera_rays::CameraRays;
 use crate::embedding::StyleEmbedding;
 use crate::layers::{
-    BlendTarget, ColorPreservation, LayerError, LayerMask, MaskShape, MaskSpec, StyleLayer,
+    BlendTarget, ColorPreservation, LayerError, LayerMask, LayerSettings, MaskShape, StyleLayer,
     StyleLayerSpec, SurfaceCells,
 };
 use crate::model::Model;
 use crate::rendered::RenderedView;
 use glam::Vec3;
 use impasto_field::renderer::{SHADE_LEAST, pixels};
-use impasto_field::{Appearance, GBuffer, GBufferOptions, RayBatch, RayBuffers, host};
+use impasto_field::{
+    Appearance, GBuffer, GBufferOptions, RayBatch, RayBuffers, StrokeSettings, host,
+};
 use impasto_scene::{Camera, Split};
 
 /// Training views whose surfaces regions grow over, and rays along the longer side of each.
@@ -68,25 +70,29 @@ impl Model {
             problem: "all its paintings have weight 0; give at least one more".into(),
         })?;
         let appearance = self.appearance(&mix).ok_or(LayerError::Unstyled)?;
-        self.layer_of(appearance, spec.strength, spec.keep, spec.mask.as_ref())
+        self.layer_of(appearance, &spec.settings())
     }
 
     /// A layer of an appearance that is known already.
     ///
     /// # Errors
-    /// [`LayerError::NoSurface`] where a region cannot grow.
+    /// [`LayerError::NoSurface`] where a region cannot grow, [`LayerError::NoStrokes`] where strokes cannot
+    /// change.
     pub fn layer_of(
         &self,
-        appearance: StyledAppearance,
-        strength: f32,
-        keep: ColorPreservation,
-        mask: Option<&MaskSpec>,
+        mut appearance: StyledAppearance,
+        settings: &LayerSettings,
     ) -> Result<StyleLayer, LayerError> {
-        let appearance = match keep {
+        match &mut appearance.appearance.paint {
+            Some(paint) => paint.strokes = settings.strokes,
+            None if settings.strokes == StrokeSettings::default() => {}
+            None => return Err(LayerError::NoStrokes),
+        }
+        let appearance = match settings.keep {
             ColorPreservation::Palette => self.colored(appearance, &self.photo_colors(), 1.0),
             ColorPreservation::None | ColorPreservation::Luminance => appearance,
         };
-        let mask = mask.map(|spec| {
+        let mask = settings.mask.as_ref().map(|spec| {
             let region = match spec.shape {
                 MaskShape::Surface { point, tolerance } => {
                     let surfaces = self.surfaces.get_or_init(|| self.find_surfaces());
@@ -103,8 +109,8 @@ impl Model {
         });
         Ok(StyleLayer {
             appearance,
-            strength,
-            keep,
+            strength: settings.strength,
+            keep: settings.keep,
             mask: mask.transpose()?,
         })
     }

@@ -106,7 +106,7 @@ impl Canvas {
         });
     }
 
-    /// One brush stroke along `path` (pixels). `seed` makes its bristles its own. Strokes thinner
+    /// One brush stroke along `path` (pixels). `seed` makes its bristles its own. StrokeSettings thinner
     /// than a pixel keep their weight by becoming fainter.
     pub(crate) fn stroke(&mut self, path: &[Vec2], brush: &Brush, c: Vec3, seed: u32) {
         let radius = (brush.width * 0.5).max(0.5);

@@ -4,6 +4,7 @@
 //! their use.
 
 mod components;
+mod descriptor;
 mod error;
 mod hypernetwork;
 pub mod losses;
@@ -16,6 +17,7 @@ mod vae;
 mod vae_training;
 pub mod weights;
 
+pub use descriptor::{DESCRIPTOR_LAYERS, Descriptor, GREATEST_FEATURE};
 pub use error::StyleError;
 pub use hypernetwork::{Hypernetwork, HypernetworkWeights};
 pub use losses::StyleReduction;

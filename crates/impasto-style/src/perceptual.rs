@@ -109,21 +109,7 @@ impl Perceptual {
     /// # Errors
     /// If an asset is damaged.
     pub fn vgg16() -> Result<Self, StyleError> {
-        let means = TensorFile::open(MEANS_FILE, &MEANS)?;
-        let file = TensorFile::open(VGG16_FILE, &VGG16)?;
-        let mut inputs = vec![1.0f32; 3];
-        let mut layers = Vec::with_capacity(LAYERS.len());
-        for (name, pool_before, statistics) in LAYERS {
-            let (mut weight, mut bias) = filters(&file, name, inputs.len())?;
-            let mut scale = means.floats(name)?;
-            scale.resize(bias.len(), 1.0);
-            scale.iter_mut().for_each(|m| *m = m.max(LEAST_MEAN));
-            rescale(&mut weight, &mut bias, &inputs, &scale);
-            layers.push(ConvLayer::new(&weight, bias, pool_before, statistics));
-            inputs = scale;
-        }
-        let stack = PerceptualStack::new(layers, 255.0, MEAN_COLOUR);
-        Ok(Self::of_stack(stack))
+        Ok(Self::of_stack(vgg16_stack(LAYERS.len())?))
     }
 
     /// A normalised stack whose statistics are those of [`Statistics`].
@@ -285,6 +271,24 @@ pub(crate) fn check_size(
         });
     }
     Ok(())
+}
+
+/// The first `count` layers of the shipped, normalised VGG-16.
+pub(crate) fn vgg16_stack(count: usize) -> Result<PerceptualStack, StyleError> {
+    let means = TensorFile::open(MEANS_FILE, &MEANS)?;
+    let file = TensorFile::open(VGG16_FILE, &VGG16)?;
+    let mut inputs = vec![1.0f32; 3];
+    let mut layers = Vec::with_capacity(count);
+    for (name, pool_before, statistics) in LAYERS.into_iter().take(count) {
+        let (mut weight, mut bias) = filters(&file, name, inputs.len())?;
+        let mut scale = means.floats(name)?;
+        scale.resize(bias.len(), 1.0);
+        scale.iter_mut().for_each(|m| *m = m.max(LEAST_MEAN));
+        rescale(&mut weight, &mut bias, &inputs, &scale);
+        layers.push(ConvLayer::new(&weight, bias, pool_before, statistics));
+        inputs = scale;
+    }
+    Ok(PerceptualStack::new(layers, 255.0, MEAN_COLOUR))
 }
 
 /// Weight and bias of a layer of VGG-16 that takes so many channels.

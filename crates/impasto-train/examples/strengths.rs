@@ -4,7 +4,7 @@
 //! `cargo run --release --workspace --example strengths -- MODEL PAINTING...`
 
 use impasto_model::{
-    ColorPreservation, Model, STYLE_SIDE, StyleEmbedding, StyledAppearance, ViewGBuffer,
+    LayerSettings, Model, STYLE_SIDE, StyleEmbedding, StyledAppearance, ViewGBuffer,
     square_statistics,
 };
 use impasto_scene::{Split, read_rgb};
@@ -50,9 +50,11 @@ impl Gallery {
         (appearance, strength): (&StyledAppearance, f32),
         number: impl Fn(&Statistics, &Statistics) -> f32,
     ) -> Answer<f32> {
-        let layer =
-            self.model
-                .layer_of(appearance.clone(), strength, ColorPreservation::None, None)?;
+        let settings = LayerSettings {
+            strength,
+            ..LayerSettings::default()
+        };
+        let layer = self.model.layer_of(appearance.clone(), &settings)?;
         let mut sum = 0.0;
         for view in &self.views {
             let painted = self.model.shade(view, std::slice::from_ref(&layer));

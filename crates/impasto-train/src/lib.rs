@@ -26,7 +26,7 @@ pub use paintings::{
 };
 pub use run::{Recovery, TrainOptions, TrainSummary, Unfinished, train};
 pub use style::{
-    EncoderCheck, EncoderOptions, EncoderSummary, PainterOptions, PainterSummary, Refinement,
-    StyleNetworks, StyleReport, StyleStage, check_encoder, read_encoder, read_painter,
-    train_encoder, train_painter,
+    DistillationBudget, EncoderCheck, EncoderOptions, EncoderSummary, PainterOptions,
+    PainterSummary, Refinement, StyleNetworks, StyleReport, StyleStage, check_encoder, distil,
+    read_encoder, read_painter, train_encoder, train_painter,
 };

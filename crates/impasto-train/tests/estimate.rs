@@ -53,13 +53,14 @@ fn a_time_is_filled_with_steps_and_steps_take_their_time() {
     let budget = Budget::Time(Duration::from_secs(600));
     let found = estimate(&scene, &fast, budget, rates);
     assert_eq!(found.seconds, Some(600.0));
-    // The painter that the program holds need not learn: 5 % for held-out views, 2 % for checks.
-    assert_eq!(found.steps, Some([5580, 0]));
+    // The painter that the program holds need not learn: 5 % for held-out views, 2 % for checks, a quarter of a
+    // minute for what is around places.
+    assert_eq!(found.steps, Some([5430, 0]));
     let mut other = fast.clone();
     other.style.hyper_width = 65;
     let found = estimate(&scene, &other, budget, rates);
-    // A fifth for the geometry stage; of the rest, 2 % are kept for checks.
-    assert_eq!(found.steps, Some([1200, 2340]));
+    // A fifth for the geometry stage, with that quarter of a minute; of the rest, 2 % are kept for checks.
+    assert_eq!(found.steps, Some([1050, 2340]));
     assert_eq!(estimate(&scene, &fast, budget, None).steps, None);
 
     let paper = TrainConfig::paper();

@@ -6,7 +6,7 @@ mod common;
 use common::{run, small};
 use image::{Rgb, RgbImage};
 use impasto_model::{
-    Budget, ColorPreservation, ColorStatistics, MaskShape, MaskSpec, Model, StyleLayer, StyleLayers,
+    Budget, ColorStatistics, LayerSettings, MaskShape, MaskSpec, Model, StyleLayer, StyleLayers,
 };
 use impasto_scene::{Camera, Split};
 use impasto_train::{TrainOptions, train};
@@ -22,6 +22,23 @@ static MODEL: LazyLock<Model> = LazyLock::new(|| {
     let summary = train(&options, &mut |_| ()).unwrap();
     Model::load(&summary.model).unwrap()
 });
+
+#[test]
+fn strokes_have_a_size_and_a_strength() {
+    let paint = |spec: &str| painted(&[layer(&fire(), spec)]);
+    let plain = paint("");
+    let same = paint(r#", "stroke_size": 1, "stroke_strength": 1"#);
+    assert_eq!(plain, same);
+    let large = paint(r#", "stroke_size": 2"#);
+    assert!(mean_apart(&plain, &large) > 1e-3);
+    // Without strokes there is only the scene in the painting's colours, whatever their size.
+    let bare = paint(r#", "stroke_strength": 0"#);
+    let bare_large = paint(r#", "stroke_strength": 0, "stroke_size": 2"#);
+    assert_eq!(bare, bare_large);
+    let half = paint(r#", "stroke_strength": 0.5"#);
+    assert!(mean_apart(&bare, &half) < mean_apart(&bare, &plain));
+    assert!(mean_apart(&bare, &photo()) > 0.02, "it has other colours");
+}
 
 fn run_of(dir: &std::path::Path) -> TrainOptions {
     TrainOptions {
@@ -274,7 +291,13 @@ fn a_clicked_surface_is_painted_in_every_view_and_nothing_far_from_it() {
         .appearance(&MODEL.embedding(&fire()).unwrap())
         .unwrap();
     let error = MODEL
-        .layer_of(appearance, 1.0, ColorPreservation::None, Some(&nowhere))
+        .layer_of(
+            appearance,
+            &LayerSettings {
+                mask: Some(nowhere),
+                ..LayerSettings::default()
+            },
+        )
         .unwrap_err();
     assert!(
         error.to_string().contains("no surface at (0, -0.99, 0)"),

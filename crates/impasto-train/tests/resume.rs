@@ -252,7 +252,7 @@ fn a_damaged_checkpoint_is_refused() {
 fn a_run_in_seconds_is_not_longer_for_an_interruption() {
     let dir = tempfile::tempdir().unwrap();
     let options = TrainOptions {
-        budget: Budget::Time(Duration::from_secs(3)),
+        budget: Budget::Time(Duration::from_secs(10)),
         ..careful(dir.path(), small())
     };
     stopped_after(&options, 5).unwrap_err();

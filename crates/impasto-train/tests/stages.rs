@@ -88,7 +88,11 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
         stage.step(&clock);
         clock.steps += 1;
     }
-    let TrainedGeometry { radiance, grids } = stage.snapshot();
+    let TrainedGeometry {
+        radiance,
+        grids,
+        features,
+    } = stage.snapshot();
     ModelFile {
         config: config.clone(),
         scene: ModelScene {
@@ -101,6 +105,7 @@ fn reconstruct(scene: &Scene, config: &TrainConfig, steps: u64) -> ModelFile {
         seed: 3,
         radiance,
         grids,
+        features,
         style: None,
         encoder: None,
         finished: None,
@@ -173,6 +178,7 @@ fn paint_one(config: &TrainConfig, steps: u64) -> Vec<StyleReport> {
     let geometry = TrainedGeometry {
         radiance: file.radiance,
         grids: file.grids,
+        features: file.features,
     };
     let mut stage = StyleStage::new(
         config,

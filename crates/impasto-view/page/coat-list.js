@@ -48,13 +48,17 @@ export class CoatList {
     if (!open) return item;
     const body = el("div", { class: "body", id: `coat-${coat.key}` });
     body.append(this.mixture(coat));
-    body.append(slider({
-      label: "Strength", min: 0, max: 1, step: 0.01, value: coat.strength, text: percent,
+    const setting = (label, key, range) => body.append(slider({
+      label, ...range, value: coat[key],
       oninput: (value) => {
-        coat.strength = value;
+        coat[key] = value;
         this.coats.changed();
       },
     }).row);
+    const share = { min: 0, max: 1, step: 0.01, text: percent };
+    setting("Strength", "strength", share);
+    setting("Stroke size", "size", { min: 0.5, max: 2, step: 0.05, text: (value) => `${value.toFixed(2)} ×` });
+    setting("Strokes", "strokes", share);
     body.append(this.keep(coat));
     body.append(maskFields(coat, this.coats, this.picker));
     item.append(body);

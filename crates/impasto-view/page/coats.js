@@ -15,7 +15,7 @@ export const newMask = () => ({
 });
 
 export const newCoat = () => ({
-  key: ++keys, on: true, paintings: [], strength: 1, keep: "none", mask: newMask(),
+  key: ++keys, on: true, paintings: [], strength: 1, size: 1, strokes: 1, keep: "none", mask: newMask(),
 });
 
 // Null where it covers everything. A surface that was not clicked yet counts as everything, so
@@ -29,15 +29,17 @@ function maskJson(mask) {
 
 function coatJson(coat) {
   const mask = maskJson(coat.mask);
-  const { paintings, strength, keep } = coat;
-  return { paintings, strength, keep, ...(mask ? { mask } : {}) };
+  const { paintings, strength, size, strokes, keep } = coat;
+  return { paintings, strength, stroke_size: size, stroke_strength: strokes, keep, ...(mask ? { mask } : {}) };
 }
 
 const shows = (coat) => coat.on && coat.paintings.some(({ weight }) => weight > 0);
 
-function fromJson({ paintings, strength = 1, keep = "none", mask }) {
+function fromJson({
+  paintings, strength = 1, stroke_size: size = 1, stroke_strength: strokes = 1, keep = "none", mask,
+}) {
   const coat = newCoat();
-  Object.assign(coat, { strength, keep });
+  Object.assign(coat, { strength, size, strokes, keep });
   coat.paintings = paintings.map(({ painting, weight = 1 }) => ({ painting, weight }));
   if (mask) {
     const { shape, inverted = false } = mask;

@@ -107,7 +107,7 @@ impl Painter for ModelPainter {
             let mix = weighed.map(|p| (p.painting.clone(), p.weight.to_bits()));
             let look = self.look(mix.collect(), pictures)?;
             self.model
-                .layer_of(look, spec.strength, spec.keep, spec.mask.as_ref())
+                .layer_of(look, &spec.settings())
                 .map_err(|e| e.to_string())
         });
         coats.collect()

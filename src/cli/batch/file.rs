@@ -101,6 +101,12 @@ pub struct RenderTable {
     /// From the photos' colours to the style's.
     #[serde(default = "whole", deserialize_with = "strength")]
     pub strength: f32,
+    /// How large strokes are.
+    #[serde(default = "whole", deserialize_with = "stroke_size")]
+    pub stroke_size: f32,
+    /// From the scene in the painting's colours to all strokes.
+    #[serde(default = "whole", deserialize_with = "strength")]
+    pub stroke_strength: f32,
     /// Whose colours the paint has.
     #[serde(default)]
     pub keep_color: ColorPreservation,
@@ -126,6 +132,8 @@ impl RenderTable {
     pub fn settings(&self) -> RenderSettings {
         RenderSettings {
             strength: self.strength,
+            stroke_size: self.stroke_size,
+            stroke_strength: self.stroke_strength,
             supersampling: self.supersampling,
             keep: self.keep_color,
             mask: self.mask.clone(),
@@ -173,6 +181,11 @@ fn mask<'de, D: Deserializer<'de>>(from: D) -> Result<Option<MaskSpec>, D::Error
 fn strength<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
     let number = f32::deserialize(from)?;
     values::share(&number.to_string()).map_err(D::Error::custom)
+}
+
+fn stroke_size<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
+    let number = f32::deserialize(from)?;
+    values::stroke_size(&number.to_string()).map_err(D::Error::custom)
 }
 
 /// A whole number from `least` to `most`.

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::settings::RenderSettings;
-use super::styles::Styles;
+use super::styles::{RefineRequest, Styles};
 use super::views::ViewSource;
 use crate::cli::CliError;
 use crate::cli::device::DeviceArgs;
@@ -14,7 +14,7 @@ use crate::cli::ffmpeg::FfmpegArgs;
 use crate::cli::painting::StyleArg;
 use crate::cli::shard::Shard;
 use crate::cli::values::{duration, fps, size};
-use crate::output::{FfmpegProgram, FrameLayout, Target, TargetOptions};
+use crate::output::{FfmpegProgram, FrameLayout, Target, TargetOptions, check_folder, parent};
 
 /// Most looks along a side of what `--interpolate` renders: all of them are rendered at once.
 const MOST_LOOKS: i64 = 12;
@@ -37,10 +37,13 @@ pub struct RenderArgs {
     pub model: PathBuf,
     /// A painting, with a weight to mix several (IMAGE:0.7); may be repeated. random:SEED is the
     /// generated painting of a number
-    #[arg(long = "style", value_name = "IMAGE[:WEIGHT]")]
+    #[arg(long = "style", value_name = "IMAGE[:WEIGHT]", group = "paint")]
     pub styles: Vec<StyleArg>,
+    /// A look that --save-look has kept, of this place or of another one
+    #[arg(long, value_name = "FILE.safetensors", group = "paint", conflicts_with_all = ["refine", "interpolate"])]
+    pub look: Option<PathBuf>,
     /// Coats of paint, one over the other, in place of styles: a JSON file as the studio saves it
-    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "strength", "keep", "mask", "refine", "interpolate"])]
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["styles", "look", "strength", "stroke_size", "stroke_strength", "keep", "mask", "refine", "interpolate"])]
     pub coats: Option<PathBuf>,
     #[command(flatten)]
     pub settings: RenderSettings,
@@ -48,6 +51,9 @@ pub struct RenderArgs {
     /// comes closer: what is rendered at once is a prediction
     #[arg(long, value_name = "TIME", value_parser = duration, requires = "styles")]
     pub refine: Option<Duration>,
+    /// Keep the refined look in a file, for --look: of one style, or of one mix
+    #[arg(long, value_name = "FILE.safetensors", requires = "refine")]
+    pub save_look: Option<PathBuf>,
     /// Between two styles N looks in a row, between four N×N in a square, of the first view; PNG only
     #[arg(long, value_name = "N", requires = "styles", conflicts_with_all = ["frames", "depth", "refine"],
           value_parser = clap::value_parser!(u16).range(2..=MOST_LOOKS))]
@@ -92,13 +98,27 @@ pub struct RenderArgs {
 impl RenderArgs {
     /// Reads the paintings.
     pub fn read_styles(&self) -> Result<Styles, CliError> {
-        let styles = Styles::load(&self.styles, self.coats.as_deref())?;
+        let styles = Styles::load(&self.styles, self.coats.as_deref(), self.look.as_deref())?;
         if self.side_by_side && styles.is_empty() {
             return Err(CliError::Usage(
                 "--side-by-side shows the scene beside its styles: give --style or --coats".into(),
             ));
         }
+        if let Some(path) = &self.save_look {
+            check_folder(&parent(path))?;
+            if styles.names().len() > 1 {
+                return Err(CliError::Usage(
+                    "--save-look keeps one look: give one --style, or all of them weights".into(),
+                ));
+            }
+        }
         Ok(styles)
+    }
+
+    /// How looks are refined, where they are.
+    pub fn refinement(&self) -> Option<RefineRequest<'_>> {
+        let save = self.save_look.as_deref();
+        self.refine.map(|time| RefineRequest { time, save })
     }
 
     /// Where the frames go.

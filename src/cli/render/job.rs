@@ -71,6 +71,8 @@ impl KnownModel {
             "model": self.digest,
             "styles": styles,
             "strength": settings.strength,
+            "stroke_size": settings.stroke_size,
+            "stroke_strength": settings.stroke_strength,
             "supersampling": settings.supersampling,
             "keep": settings.keep,
             "mask": settings.mask,
@@ -88,6 +90,7 @@ pub fn distinguished(styles: &Styles) -> Value {
     let coats = match &styles.paint {
         PaintMode::Mixtures(mixtures) => return distinguished_mixtures(mixtures),
         PaintMode::Layers(coats) => coats,
+        PaintMode::Saved(look) => return json!({"look": look.digest}),
     };
     let entry = |(spec, images): &(StyleLayerSpec, Vec<RgbImage>)| {
         let weights: Vec<f32> = spec.paintings.iter().map(|p| p.weight).collect();
@@ -95,6 +98,8 @@ pub fn distinguished(styles: &Styles) -> Value {
             "paintings": hashed(images.iter().map(|image| (image, 1.0))),
             "weights": weights,
             "strength": spec.strength,
+            "stroke_size": spec.stroke_size,
+            "stroke_strength": spec.stroke_strength,
             "keep": spec.keep,
             "mask": spec.mask,
         })

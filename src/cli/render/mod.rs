@@ -43,7 +43,7 @@ pub fn run(args: &RenderArgs) -> Result<CommandOutput, CliError> {
     let styles = args.read_styles()?;
     target.check()?;
     let model = Model::load_on(&args.model, &args.device.open()?)?;
-    let variants = styles.variants(&model, args.refine, &args.settings)?;
+    let variants = styles.variants(&model, args.refinement(), &args.settings)?;
     let views = views(&model, &args.views, args.size, args.frames)?;
 
     let layout = args.layout(styles.names());

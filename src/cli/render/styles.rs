@@ -1,22 +1,33 @@
 //! The paintings to render with.
 
 use std::collections::HashSet;
+use std::fs::File;
 use std::iter;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use image::RgbImage;
 use impasto::eval::EvalError;
 use impasto::scene::file::read_text;
+use impasto::weights::sha256;
 use impasto::{
-    Budget, Model, Refinement, StyleEmbedding, StyleLayer, StyleLayerSpec, StyleLayers,
-    StyledAppearance,
+    Budget, Device, Model, Refinement, SavedAppearance, StyleEmbedding, StyleLayer, StyleLayerSpec,
+    StyleLayers, StyledAppearance,
 };
 
 use super::settings::RenderSettings;
 use crate::cli::CliError;
 use crate::cli::painting::{PaintingSource, StyleArg};
 use crate::cli::progress::TimedBar;
+
+/// How looks are refined.
+#[derive(Clone, Copy)]
+pub struct RefineRequest<'a> {
+    /// How long each.
+    pub time: Duration,
+    /// Where the look is kept.
+    pub save: Option<&'a Path>,
+}
 
 /// The paintings, read, and what to do with them.
 pub struct Styles {
@@ -32,6 +43,42 @@ pub enum PaintMode {
     Mixtures(Vec<Mixture>),
     /// In coats, one over the other, each with its paintings.
     Layers(Vec<(StyleLayerSpec, Vec<RgbImage>)>),
+    /// In a look that was saved.
+    Saved(Box<SavedLook>),
+}
+
+/// A look that was saved, from its file.
+pub struct SavedLook {
+    /// The file's name without its ending.
+    pub name: String,
+    /// What the file says.
+    pub appearance: SavedAppearance,
+    /// Hash of the file.
+    pub digest: String,
+    path: PathBuf,
+}
+
+impl SavedLook {
+    fn read(path: &Path) -> Result<Self, CliError> {
+        let stem = path.file_stem().unwrap_or_default();
+        Ok(Self {
+            name: stem.to_string_lossy().into_owned(),
+            appearance: SavedAppearance::load(path, &Device::flex())?,
+            digest: File::open(path)
+                .and_then(sha256)
+                .map_err(CliError::read(path))?,
+            path: path.to_owned(),
+        })
+    }
+
+    fn on(&self, model: &Model) -> Result<StyledAppearance, CliError> {
+        model.saved_appearance(&self.appearance).ok_or_else(|| {
+            CliError::Refused(format!(
+                "{}: was refined on a model that paints with other sizes; refine again on this one",
+                self.path.display()
+            ))
+        })
+    }
 }
 
 /// Paintings that make one look, each with its weight; none for the photos' own.
@@ -77,11 +124,19 @@ impl Mixture {
 }
 
 impl Styles {
-    /// Reads a file of coats, or else the paintings of arguments.
-    pub fn load(args: &[StyleArg], coats: Option<&Path>) -> Result<Self, CliError> {
-        match coats {
-            Some(path) => Self::read_coats(path),
-            None => Self::read(args),
+    /// Reads a saved look, a file of coats, or else the paintings of arguments.
+    pub fn load(
+        args: &[StyleArg],
+        coats: Option<&Path>,
+        look: Option<&Path>,
+    ) -> Result<Self, CliError> {
+        match (coats, look) {
+            (_, Some(path)) => Ok(Self::new(
+                PaintMode::Saved(Box::new(SavedLook::read(path)?)),
+                Vec::new(),
+            )),
+            (Some(path), None) => Self::read_coats(path),
+            (None, None) => Self::read(args),
         }
     }
 
@@ -146,6 +201,7 @@ impl Styles {
         match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures.iter().map(|one| one.name.clone()).collect(),
             PaintMode::Layers(_) => vec!["coats".into()],
+            PaintMode::Saved(look) => vec![look.name.clone()],
         }
     }
 
@@ -153,7 +209,7 @@ impl Styles {
     pub fn paintings(&self) -> impl Iterator<Item = &RgbImage> {
         let mixtures = match &self.paint {
             PaintMode::Mixtures(mixtures) => mixtures.as_slice(),
-            PaintMode::Layers(_) => &[],
+            PaintMode::Layers(_) | PaintMode::Saved(_) => &[],
         };
         let paintings = mixtures.iter().flat_map(|mixture| &mixture.paintings);
         paintings.map(|(painting, _)| painting)
@@ -169,7 +225,7 @@ impl Styles {
     pub fn variants(
         &self,
         model: &Model,
-        refine: Option<Duration>,
+        refine: Option<RefineRequest<'_>>,
         settings: &RenderSettings,
     ) -> Result<Vec<Vec<StyleLayer>>, CliError> {
         let mixtures = match &self.paint {
@@ -179,9 +235,12 @@ impl Styles {
                 let specs = specs.map(|(spec, images)| (spec, images.iter().collect()));
                 return Ok(vec![coats_of(model, specs)?]);
             }
+            PaintMode::Saved(look) => {
+                return Ok(vec![vec![settings.coat(model, look.on(model)?)?]]);
+            }
         };
         let looks = match refine {
-            Some(time) if !self.is_empty() => refined(model, mixtures, time)?,
+            Some(request) if !self.is_empty() => refined(model, mixtures, request)?,
             _ => {
                 let looks = mixtures.iter().map(|mixture| mixture.look(model));
                 looks.collect::<Result<_, _>>()?
@@ -217,7 +276,7 @@ pub fn coats_of<'a>(
 fn refined(
     model: &Model,
     mixtures: &[Mixture],
-    time: Duration,
+    request: RefineRequest<'_>,
 ) -> Result<Vec<Option<StyledAppearance>>, CliError> {
     if !model.has_style() {
         return Err(CliError::Unstyled);
@@ -229,10 +288,35 @@ fn refined(
         let mut show = |progress: f64| {
             bar.show((i as f64 + progress) / mixtures.len() as f64, &mixture.name);
         };
-        let look = refinement.appearance(&paintings, Budget::Time(time), &mut show)?;
-        Ok(Some(look.ok_or_else(weightless)?))
+        let budget = Budget::Time(request.time);
+        let look = refinement.appearance(&paintings, budget, &mut show)?;
+        let look = look.ok_or_else(weightless)?;
+        if let Some(path) = request.save {
+            save(model, mixture, &look, path)?;
+        }
+        Ok(Some(look))
     });
     looks.collect()
+}
+
+/// Keeps the look of a mixture.
+fn save(
+    model: &Model,
+    mixture: &Mixture,
+    look: &StyledAppearance,
+    path: &Path,
+) -> Result<(), CliError> {
+    let embeddings = model.embeddings(mixture.weighed())?;
+    let colors = StyleEmbedding::mix(&embeddings)
+        .ok_or_else(weightless)?
+        .colors;
+    let saved = SavedAppearance::new(look, colors).ok_or_else(|| {
+        CliError::Refused(
+            "--save-look needs a model of the default preset: what others refine is their scene's alone"
+                .into(),
+        )
+    })?;
+    Ok(saved.save(path)?)
 }
 
 /// The paintings' names, made different by numbers where they are not.

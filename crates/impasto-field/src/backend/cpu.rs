@@ -151,7 +151,7 @@ impl Backend for Cpu<'_> {
             width: widths[v],
         });
         let merged = accumulate(samples, features, &evaluated.weights);
-        GBuffer::of_merged(merged, spec.photo, spec.rays, self.device)
+        GBuffer::of_merged(merged, spec.ground, spec.rays, self.device)
     }
 
     fn shader(&self, appearance: &Appearance) -> CpuShader {

@@ -178,7 +178,7 @@ impl Backend for Gpu<'_> {
                 rays: &rays,
                 outer: v == 1,
             };
-            Some(surface.painted(spec.photo, spec.rays, &views))
+            Some(surface.painted(spec.ground, spec.rays, &views))
         };
         GBuffer {
             layout: Arc::new(surface_layout(count)),

@@ -10,7 +10,7 @@ pub(crate) mod cpu;
 pub(crate) mod gpu;
 pub(crate) mod reference;
 
-use crate::appearance::Appearance;
+use crate::appearance::{Appearance, Ground};
 use crate::config::AppearanceConfig;
 use crate::rays::RayBatch;
 use crate::volrend::gbuffer::GBuffer;
@@ -24,8 +24,8 @@ pub(crate) struct BufferSpec<'a> {
     /// Samples with less weight are left out, where samples are shaded; see
     /// [`crate::volrend::weights::visibility_mask`].
     pub(crate) least_weight: f32,
-    /// The unstylised appearance.
-    pub(crate) photo: &'a Appearance,
+    /// What is painted on.
+    pub(crate) ground: &'a Ground,
     /// The rays.
     pub(crate) rays: &'a RayBatch,
 }

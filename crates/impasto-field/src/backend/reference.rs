@@ -174,7 +174,7 @@ impl Backend for Reference<'_> {
             width: *width,
         });
         let merged = accumulate(samples, features, weights);
-        GBuffer::of_merged(merged, spec.photo, spec.rays, &device)
+        GBuffer::of_merged(merged, spec.ground, spec.rays, &device)
     }
 
     fn shader(&self, appearance: &Appearance) -> Appearance {

@@ -1,9 +1,10 @@
 //! The G-buffer: all that `app` sees of rays and that no style changes. Below it something knows
 //! geometry and fills it; above it paint is shaded, any number of times.
 
-use crate::appearance::Appearance;
+use crate::appearance::{Appearance, Ground, StrokeSettings};
 use crate::config::AppearanceConfig;
-use crate::encoding::{frequencies, matrix};
+use crate::distilled::DistilledFeatures;
+use crate::encoding::{frequencies, host, matrix};
 use crate::rays::RayBatch;
 use crate::volrend::accumulate::MergedRays;
 use burn::tensor::{Device, Tensor};
@@ -22,6 +23,10 @@ pub struct GBuffer {
 
 /// One volume's part: what `app` sees of its samples.
 #[derive(Debug, Clone)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "there are two in a buffer of thousands of rows"
+)]
 pub(crate) enum VolumeBuffer {
     /// Of every sample.
     Samples {
@@ -31,12 +36,29 @@ pub(crate) enum VolumeBuffer {
         views: Option<Tensor<2>>,
     },
     /// Of samples that were accumulated to one a ray.
-    Painted {
-        /// Unstylised colours, `[n, 3]`.
-        colours: Tensor<2>,
-        /// Contracted positions with their footprints, `[n, 4]`.
-        places: Tensor<2>,
-    },
+    Painted(PaintedBuffer),
+}
+
+/// What the painter sees of samples.
+#[derive(Debug, Clone)]
+pub(crate) struct PaintedBuffer {
+    /// Unstylised colours, `[n, 3]`.
+    colours: Tensor<2>,
+    /// Distilled features, `[n, DistilledFeatures::LEN]`.
+    features: Tensor<2>,
+    /// Contracted positions with their footprints, `[n, 4]`.
+    places: Tensor<2>,
+}
+
+/// Where the light of rays comes from.
+#[derive(Debug, Clone, Default)]
+pub struct SurfacePoints {
+    /// Contracted positions, `n × 3`.
+    pub places: Vec<f32>,
+    /// Numbers of the rays.
+    pub rays: Vec<usize>,
+    /// How much of its ray's light comes from each, 0 to 1.
+    pub weights: Vec<f32>,
 }
 
 /// One volume's accumulated samples, before the painter sees them.
@@ -97,18 +119,19 @@ impl MergedSurface<'_> {
         Tensor::cat(vec![places, footprint], 1)
     }
 
-    /// What the painter sees of them; `photo` is the unstylised appearance, `views` are unit directions of
-    /// the rays, `rays × 3`.
-    pub(crate) fn painted(
-        &self,
-        photo: &Appearance,
-        batch: &RayBatch,
-        views: &[f32],
-    ) -> VolumeBuffer {
-        VolumeBuffer::Painted {
-            colours: self.colours(photo, views),
-            places: self.places(batch),
-        }
+    /// What the painter sees of them; `views` are unit directions of the rays, `rays × 3`.
+    pub(crate) fn painted(&self, ground: &Ground, batch: &RayBatch, views: &[f32]) -> VolumeBuffer {
+        let places = self.places(batch);
+        let [count, _] = places.dims();
+        let known = ground.features.as_ref();
+        VolumeBuffer::Painted(PaintedBuffer {
+            colours: self.colours(&ground.photo, views),
+            features: known.map_or_else(
+                || Tensor::zeros([count, DistilledFeatures::LEN], &places.device()),
+                |known| known.at(places.clone()),
+            ),
+            places,
+        })
     }
 }
 
@@ -126,24 +149,46 @@ fn encoded_views<'a>(
     Some(matrix(rows.copied().collect(), width, device))
 }
 
+impl PaintedBuffer {
+    /// Places whose footprints are those of larger or smaller touches.
+    fn places_for(&self, strokes: StrokeSettings) -> Tensor<2> {
+        if strokes.size == 1.0 {
+            return self.places.clone();
+        }
+        let part = |range| self.places.clone().slice_dim(1, range);
+        Tensor::cat(vec![part(0..3), part(3..4) * strokes.size], 1)
+    }
+
+    fn parts(self) -> [Tensor<2>; 3] {
+        [self.colours, self.features, self.places]
+    }
+
+    fn of([colours, features, places]: [Tensor<2>; 3]) -> Self {
+        Self {
+            colours,
+            features,
+            places,
+        }
+    }
+}
+
 impl VolumeBuffer {
-    fn parts(&self) -> impl Iterator<Item = &Tensor<2>> {
-        let (first, second) = match self {
-            Self::Samples { features, views } => (features, views.as_ref()),
-            Self::Painted { colours, places } => (colours, Some(places)),
-        };
-        [first].into_iter().chain(second)
+    fn parts(&self) -> Vec<&Tensor<2>> {
+        match self {
+            Self::Samples { features, views } => [features].into_iter().chain(views).collect(),
+            Self::Painted(own) => vec![&own.colours, &own.features, &own.places],
+        }
     }
 
     fn samples(&self) -> usize {
-        self.parts().next().map_or(0, |rows| rows.dims()[0])
+        self.parts().first().map_or(0, |rows| rows.dims()[0])
     }
 
     fn numbers(&self) -> usize {
-        let sizes = self
-            .parts()
-            .map(|rows| rows.dims().iter().product::<usize>());
-        sizes.sum()
+        let parts = self.parts().into_iter();
+        parts
+            .map(|rows| rows.dims().iter().product::<usize>())
+            .sum()
     }
 
     fn map(self, f: &impl Fn(Tensor<2>) -> Tensor<2>) -> Self {
@@ -152,41 +197,44 @@ impl VolumeBuffer {
                 features: f(features),
                 views: views.map(f),
             },
-            Self::Painted { colours, places } => Self::Painted {
-                colours: f(colours),
-                places: f(places),
+            Self::Painted(own) => Self::Painted(PaintedBuffer::of(own.parts().map(f))),
+        }
+    }
+
+    /// This with those of the same configuration after it.
+    fn joined(self, rest: Vec<Self>) -> Self {
+        let (mut features, mut views) = (Vec::new(), Vec::new());
+        let mut painted: [Vec<Tensor<2>>; 3] = Default::default();
+        let all = [self].into_iter().chain(rest);
+        for part in all {
+            match part {
+                Self::Samples {
+                    features: own,
+                    views: seen,
+                } => {
+                    features.push(own);
+                    views.extend(seen);
+                }
+                Self::Painted(own) => {
+                    let parts = painted.iter_mut().zip(own.parts());
+                    parts.for_each(|(all, own)| all.push(own));
+                }
+            }
+        }
+        let cat = |all: Vec<Tensor<2>>| Tensor::cat(all, 0);
+        match features.is_empty() {
+            true => Self::Painted(PaintedBuffer::of(painted.map(cat))),
+            false => Self::Samples {
+                features: cat(features),
+                views: (!views.is_empty()).then(|| cat(views)),
             },
         }
     }
 
     /// Those of one configuration, one after the other.
-    fn join(parts: Vec<Self>) -> Option<Self> {
-        let cat = |all: Vec<Tensor<2>>| (!all.is_empty()).then(|| Tensor::cat(all, 0));
-        let (mut first, mut second) = (Vec::new(), Vec::new());
-        let painted = matches!(parts.first()?, Self::Painted { .. });
-        for part in parts {
-            match part {
-                Self::Samples { features, views } => {
-                    first.push(features);
-                    second.extend(views);
-                }
-                Self::Painted { colours, places } => {
-                    first.push(colours);
-                    second.push(places);
-                }
-            }
-        }
-        let (first, second) = (cat(first)?, cat(second));
-        Some(match (painted, second) {
-            (true, Some(places)) => Self::Painted {
-                colours: first,
-                places,
-            },
-            (_, views) => Self::Samples {
-                features: first,
-                views,
-            },
-        })
+    fn join(mut parts: Vec<Self>) -> Option<Self> {
+        let rest = parts.split_off(1.min(parts.len()));
+        Some(parts.pop()?.joined(rest))
     }
 
     /// Colour of every sample; `app` is the volume's W^app.
@@ -196,15 +244,16 @@ impl VolumeBuffer {
                 let inputs = [features].into_iter().chain(views).cloned();
                 (inputs.collect(), None)
             }
-            Self::Painted { colours, places } => {
+            Self::Painted(own) => {
                 let Some(paint) = &look.paint else {
                     unreachable!("an appearance of this configuration has paint");
                 };
-                let ground = paint.palette.whiten(colours.clone());
-                let strokes = ops::solid_texture(places.clone(), paint.texture.clone(), paint.spec);
+                let ground = paint.palette.whiten(own.colours.clone());
+                let (places, texture) = (own.places_for(paint.strokes), paint.texture.clone());
+                let strokes = ops::solid_texture(places, texture, paint.spec);
                 (
-                    vec![ground.clone(), strokes],
-                    Some((ground, &paint.palette)),
+                    vec![ground.clone(), own.features.clone(), strokes],
+                    Some((ground, paint)),
                 )
             }
         };
@@ -214,9 +263,11 @@ impl VolumeBuffer {
         match ground {
             None => network.forward(inputs, weights, known),
             // Computed again where it is known: a few numbers a sample.
-            Some((ground, palette)) => {
+            Some((ground, paint)) => {
                 let added = network.forward(inputs, weights, None);
-                palette.colour(ground + added)
+                paint
+                    .palette
+                    .colour(ground + added * paint.strokes.strength)
             }
         }
     }
@@ -253,10 +304,10 @@ impl GBuffer {
         }
     }
 
-    /// Of rays that were accumulated to one sample a volume; `photo` is the unstylised appearance.
+    /// Of rays that were accumulated to one sample a volume.
     pub(crate) fn of_merged(
         merged: MergedRays,
-        photo: &Appearance,
+        ground: &Ground,
         rays: &RayBatch,
         device: &Device,
     ) -> Self {
@@ -272,7 +323,7 @@ impl GBuffer {
                 outer,
             });
             outer = true;
-            surface.map(|surface| surface.painted(photo, rays, &views))
+            surface.map(|surface| surface.painted(ground, rays, &views))
         });
         Self {
             layout: Arc::new(merged.layout),
@@ -330,6 +381,32 @@ impl GBuffer {
             volumes: volumes.map(VolumeBuffer::join),
             density: Tensor::cat(density.concat(), 0),
         })
+    }
+
+    /// Where the light comes from, of rays that were accumulated; nothing of others.
+    pub fn surface_points(&self) -> SurfacePoints {
+        let mut points = SurfacePoints::default();
+        let mut places = Vec::new();
+        for volume in self.volumes.iter().flatten() {
+            if let VolumeBuffer::Painted(own) = volume {
+                places.extend(host(own.places.clone().slice_dim(1, 0..3)));
+            }
+        }
+        if places.is_empty() {
+            return points;
+        }
+        let density = host(self.density.clone());
+        for (ray, span) in self.layout.rays.iter().enumerate() {
+            let mut light = 1.0;
+            for sample in span.inner.clone().chain(span.outer.clone()) {
+                let passes = (-density[sample] * self.layout.deltas[sample]).exp();
+                points.weights.push(light * (1.0 - passes));
+                points.places.extend(&places[3 * sample..][..3]);
+                points.rays.push(ray);
+                light *= passes;
+            }
+        }
+        points
     }
 
     /// Number of samples, accumulated ones where it was made for surfaces.
@@ -402,7 +479,6 @@ impl GBuffer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::encoding::host;
     use crate::sphere::{inner_cube, outer_cube};
 
     /// Place and footprint of a point in the cube of its volume, seen from near the origin.

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use impasto_field::{
-    AppConfig, AppearanceConfig, EncodingConfig, Field, FieldConfig, OccupancyGrids, RayBatch,
-    SamplingConfig, Shading, VolumeConfig,
+    AppConfig, AppearanceConfig, EncodingConfig, Field, FieldConfig, OccupancyGrids, PaintSpec,
+    RayBatch, SamplingConfig, Shading, VolumeConfig,
 };
 use impasto_kernels::{Density, HashGridSpec, OccupancySpec, SolidTextureSpec};
 
@@ -75,11 +75,22 @@ pub fn app() -> AppearanceConfig {
 /// Paint: shaded once a ray and volume.
 pub fn paint() -> AppearanceConfig {
     AppearanceConfig {
-        shading: Shading::Painted(SolidTextureSpec {
-            octaves: 3,
-            side: 6,
-            finest: 2.0,
-            ratio: 1.5,
+        shading: Shading::Painted(PaintSpec {
+            texture: SolidTextureSpec {
+                octaves: 3,
+                side: 6,
+                finest: 2.0,
+                ratio: 1.5,
+                stretch: 3.0,
+                bend: 1.2,
+            },
+            distilled: HashGridSpec {
+                levels: 2,
+                features: 2,
+                log2_entries: 10,
+                coarsest: 4.0,
+                finest: 9.0,
+            },
         }),
         ..app()
     }

@@ -10,6 +10,10 @@ use serde::{Deserialize, Serialize};
 
 /// Numbers per entry.
 pub const FEATURES: usize = 8;
+/// Cells from one bend to the next of the same kind.
+pub(crate) const BENDS: f32 = 9.5;
+/// Cells that were bent more would lie on top of each other.
+const MOST_BEND: f32 = 1.5;
 /// Numbers of a place: three coordinates and its footprint.
 pub const PLACE: usize = 4;
 /// Places handled by one task.
@@ -31,6 +35,10 @@ pub struct SolidTextureSpec {
     pub finest: f32,
     /// Cells of an octave over those of the next finer one.
     pub ratio: f32,
+    /// How many times as long as wide a cell is: what strokes have and blots have not.
+    pub stretch: f32,
+    /// How far cells are bent to and fro, in widths.
+    pub bend: f32,
 }
 
 impl SolidTextureSpec {
@@ -51,6 +59,12 @@ impl SolidTextureSpec {
         }
         if !(1.1..=4.0).contains(&self.ratio) {
             return fault("ratio", "1.1 to 4");
+        }
+        if !(1.0..=8.0).contains(&self.stretch) {
+            return fault("stretch", "1 to 8");
+        }
+        if !(0.0..=MOST_BEND).contains(&self.bend) {
+            return fault("bend", "0 to 1.5");
         }
         Ok(())
     }
@@ -154,6 +168,13 @@ fn fade(fraction: f32) -> [f32; 2] {
     [(1.0 - fraction) / length, fraction / length]
 }
 
+/// About the sine of `t` turns.
+#[inline(always)]
+fn wave(t: f32) -> f32 {
+    let y = t - t.floor() - 0.5;
+    y * (y.abs() * 2.0 - 1.0) * 8.0
+}
+
 /// Entries and interpolation weights of a place in an octave.
 struct Cell {
     entries: [usize; 8],
@@ -162,14 +183,19 @@ struct Cell {
 
 impl Cell {
     #[inline(always)]
-    fn of(octave: &Octave, place: &[f32], side: usize) -> Self {
+    fn of(octave: &Octave, place: &[f32], spec: &SolidTextureSpec) -> Self {
+        let side = spec.side;
+        let straight: [f32; 3] = std::array::from_fn(|axis| {
+            let row = octave.rows[axis];
+            row[0] * place[0] + row[1] * place[1] + row[2] * place[2] + octave.shift[axis]
+        });
         let mut low = [0usize; 3];
         let mut high = [0usize; 3];
         let mut part = [0f32; 3];
         let inverse = 1.0 / side as f32;
         for axis in 0..3 {
-            let row = octave.rows[axis];
-            let x = row[0] * place[0] + row[1] * place[1] + row[2] * place[2] + octave.shift[axis];
+            let x = straight[axis] + spec.bend * wave(straight[(axis + 1) % 3] * (1.0 / BENDS));
+            let x = if axis == 0 { x / spec.stretch } else { x };
             let below = x.floor();
             part[axis] = x - below;
             let wrapped = below - side as f32 * (below * inverse).floor();
@@ -214,7 +240,7 @@ fn visit(
     let weights = fade(level - finest);
     let start = (finest as i32 - octaves.first).max(0) as usize;
     for number in 0..=spec.octaves {
-        let cell = Cell::of(&octaves.all[start + number], place, spec.side);
+        let cell = Cell::of(&octaves.all[start + number], place, spec);
         work(number, weights, &cell);
     }
 }

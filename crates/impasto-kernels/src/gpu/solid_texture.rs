@@ -3,7 +3,7 @@
 use super::hash_grid::{Adds, Exchanged, Native, adds_natively, cubes, row_of_unit};
 use super::launch::{Uploaded, argument, cube, empty, is_finite, zeros};
 use crate::SolidTextureSpec;
-use crate::cpu::solid_texture::{FEATURES, FOOTPRINTS, Octaves};
+use crate::cpu::solid_texture::{BENDS, FEATURES, FOOTPRINTS, Octaves};
 use burn_cubecl::cubecl::{self, prelude::*};
 use burn_cubecl::tensor::CubeTensor;
 
@@ -44,39 +44,75 @@ struct Cell {
     behind: (f32, f32, f32),
 }
 
+/// Shape of cells, known at compile time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Shape {
+    side: usize,
+    /// Bits of the floats of [`SolidTextureSpec`].
+    stretch: u32,
+    bend: u32,
+}
+
+impl Shape {
+    fn new(spec: &SolidTextureSpec) -> Self {
+        Self {
+            side: spec.side,
+            stretch: spec.stretch.to_bits(),
+            bend: spec.bend.to_bits(),
+        }
+    }
+}
+
 #[cube]
 fn cell(
     places: &[f32],
     row: usize,
     octaves: &[f32],
     octave: usize,
-    #[comptime] side: usize,
+    #[comptime] shape: Shape,
 ) -> Cell {
-    let (x, x1, a) = along(places, row, octaves, octave, 0usize, side);
-    let (y, y1, b) = along(places, row, octaves, octave, 1usize, side);
-    let (z, z1, c) = along(places, row, octaves, octave, 2usize, side);
+    let x = straight(places, row, octaves, octave, 0usize);
+    let y = straight(places, row, octaves, octave, 1usize);
+    let z = straight(places, row, octaves, octave, 2usize);
+    let bend = comptime!(f32::from_bits(shape.bend));
+    let stretch = comptime!(f32::from_bits(shape.stretch));
+    let (x0, x1, a) = along((x + bend * wave(y)) / stretch, shape.side);
+    let (y0, y1, b) = along(y + bend * wave(z), shape.side);
+    let (z0, z1, c) = along(z + bend * wave(x), shape.side);
     Cell {
-        low: (x, y, z),
+        low: (x0, y0, z0),
         high: (x1, y1, z1),
         behind: (a, b, c),
     }
 }
 
-/// Both entries of an axis between which a place is, and how far behind the first it lies.
+/// A coordinate in cells of an octave, before they are bent.
 #[cube]
-fn along(
+fn straight(
     places: &[f32],
     row: usize,
     octaves: &[f32],
     octave: usize,
     #[comptime] axis: usize,
-    #[comptime] side: usize,
-) -> (usize, usize, f32) {
+) -> f32 {
     let from = octave * OCTAVE + axis * 3;
-    let x = octaves[from] * places[row * 4]
+    octaves[from] * places[row * 4]
         + octaves[from + 1] * places[row * 4 + 1]
         + octaves[from + 2] * places[row * 4 + 2]
-        + octaves[octave * OCTAVE + 9 + axis];
+        + octaves[octave * OCTAVE + 9 + axis]
+}
+
+/// About a sine, as on the CPU.
+#[cube]
+fn wave(x: f32) -> f32 {
+    let t = x * comptime!(1.0 / BENDS);
+    let y = t - t.floor() - 0.5;
+    y * (y.abs() * 2.0 - 1.0) * 8.0
+}
+
+/// Both entries of an axis between which a place is, and how far behind the first it lies.
+#[cube]
+fn along(x: f32, #[comptime] side: usize) -> (usize, usize, f32) {
     let below = x.floor();
     let period = comptime!(side as f32);
     let wrapped = below - period * (below * comptime!(1.0 / side as f32)).floor();
@@ -140,7 +176,7 @@ fn read_kernel<N: Size>(
     scale: f32,
     first: f32,
     rows: u32,
-    #[comptime] side: usize,
+    #[comptime] shape: Shape,
     #[comptime] slots: usize,
     #[comptime] vectors: usize,
 ) {
@@ -156,7 +192,7 @@ fn read_kernel<N: Size>(
             let between = between(places, row, finest, scale, first);
             #[unroll]
             for turn in 0..2usize {
-                let cell = cell(places, row, octaves, between.octave + slot + turn, side);
+                let cell = cell(places, row, octaves, between.octave + slot + turn, shape);
                 let weight = if comptime!(turn == 0) {
                     between.own
                 } else {
@@ -164,7 +200,7 @@ fn read_kernel<N: Size>(
                 };
                 #[unroll]
                 for c in 0..8u32 {
-                    let (entry, share) = corner(&cell, c, side);
+                    let (entry, share) = corner(&cell, c, shape.side);
                     #[unroll]
                     for v in 0..vectors {
                         out[at + v] += table[entry * vectors + v] * Vector::new(weight * share);
@@ -189,7 +225,7 @@ fn spread_kernel<A: Adds>(
     scale: f32,
     first: f32,
     rows: u32,
-    #[comptime] side: usize,
+    #[comptime] shape: Shape,
     #[comptime] slots: usize,
     #[comptime] features: usize,
 ) {
@@ -201,7 +237,7 @@ fn spread_kernel<A: Adds>(
         let between = between(places, row, finest, scale, first);
         #[unroll]
         for turn in 0..2usize {
-            let cell = cell(places, row, octaves, between.octave + slot + turn, side);
+            let cell = cell(places, row, octaves, between.octave + slot + turn, shape);
             let weight = if comptime!(turn == 0) {
                 between.own
             } else {
@@ -209,7 +245,7 @@ fn spread_kernel<A: Adds>(
             };
             #[unroll]
             for c in 0..8u32 {
-                let (entry, share) = corner(&cell, c, side);
+                let (entry, share) = corner(&cell, c, shape.side);
                 #[unroll]
                 for f in 0..features {
                     let value = grad[from + f] * weight * share;
@@ -262,7 +298,7 @@ pub(crate) fn read(places: &CubeTensor, table: &CubeTensor, spec: &SolidTextureS
                 prepared.scale,
                 prepared.first,
                 rows as u32,
-                spec.side,
+                Shape::new(spec),
                 spec.octaves,
                 FEATURES / VECTOR,
             );
@@ -308,7 +344,7 @@ fn spread_by<A: Adds>(
                 prepared.scale,
                 prepared.first,
                 rows as u32,
-                spec.side,
+                Shape::new(spec),
                 spec.octaves,
                 FEATURES,
             );

@@ -240,10 +240,8 @@ impl StyleConfig {
                 "0 where style.content_target is photo: there are no photos between photos";
             return fault("novel_views", allowed);
         }
-        match self.shading.texture() {
-            Some(texture) => texture.check("style.shading.painted"),
-            None => Ok(()),
-        }
+        let paint = self.shading.paint();
+        paint.map_or(Ok(()), |paint| paint.check("style.shading.painted"))
     }
 }
 
@@ -267,7 +265,7 @@ impl TrainConfig {
 
     /// What paint asks of the rest.
     fn check_painted(&self) -> Result<(), OutOfRange> {
-        if self.style.shading.texture().is_none() {
+        if self.style.shading.paint().is_none() {
             return Ok(());
         }
         if self.style_app.view_bands.is_some() {
@@ -361,9 +359,9 @@ mod tests {
                 }
             }),
             ("field.inner.base", |c| c.field.inner.base.clear()),
-            ("style.shading.painted.side", |c| {
-                if let Shading::Painted(texture) = &mut c.style.shading {
-                    texture.side = 1;
+            ("style.shading.painted.texture.side", |c| {
+                if let Shading::Painted(paint) = &mut c.style.shading {
+                    paint.texture.side = 1;
                 }
             }),
         ];

@@ -5,7 +5,7 @@ use crate::config::{
     TrainConfig,
 };
 use impasto_field::{
-    AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, SamplingConfig, Shading,
+    AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, PaintSpec, SamplingConfig, Shading,
     VolumeConfig,
 };
 use impasto_kernels::{Density, HashGridSpec, OccupancySpec, SolidTextureSpec};
@@ -77,18 +77,30 @@ impl TrainConfig {
                 }),
             },
             style: StyleConfig {
-                shading: Shading::Painted(SolidTextureSpec {
-                    octaves: 6,
-                    side: 24,
-                    finest: 2.0,
-                    ratio: 1.5,
+                shading: Shading::Painted(PaintSpec {
+                    texture: SolidTextureSpec {
+                        octaves: 6,
+                        side: 24,
+                        finest: 2.0,
+                        ratio: 1.5,
+                        stretch: 3.0,
+                        bend: 1.2,
+                    },
+                    // What the network sees is a few pixels wide: nothing finer to keep.
+                    distilled: HashGridSpec {
+                        levels: 5,
+                        features: 4,
+                        log2_entries: 16,
+                        coarsest: 16.0,
+                        finest: 256.0,
+                    },
                 }),
                 perceptual: Network::Vgg16,
                 style_weight: 1.0,
                 normalize_style_loss: true,
                 style_reduction: StyleReduction::Layers,
                 style_loss_start: 0,
-                content_weight: 1.2,
+                content_weight: 2.0,
                 content_target: ContentTarget::Render,
                 photo_weight: 0.0,
                 smoothness_weight: 0.0,

@@ -10,6 +10,9 @@ pub(crate) use layer::BlendTarget;
 pub use layer::StyleLayer;
 pub(crate) use mask::LayerMask;
 pub use mask::{MaskShape, MaskSpec};
-pub use spec::{ColorPreservation, LayerError, PaintingSpec, StyleLayerSpec, StyleLayers};
+pub use spec::{
+    ColorPreservation, LayerError, LayerSettings, PaintingSpec, STROKE_SIZES, StyleLayerSpec,
+    StyleLayers,
+};
 
 pub(crate) use region::SurfaceCells;

@@ -1,10 +1,14 @@
 //! What layers of paint are made from, as JSON.
 
 use crate::layers::mask::MaskSpec;
+use impasto_field::StrokeSettings;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// Most layers of a scene, and most paintings of a layer: each is rendered.
 const MOST: usize = 16;
+/// How large strokes can be, as many times as large as they were learned.
+pub const STROKE_SIZES: RangeInclusive<f32> = 0.5..=2.0;
 
 /// Whose colours a layer has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -40,12 +44,42 @@ pub struct StyleLayerSpec {
     /// From what is below (0) to the paint (1).
     #[serde(default = "one")]
     pub strength: f32,
+    /// How large strokes are, 0.5 to 2; 1 is as the painting asks for.
+    #[serde(default = "one")]
+    pub stroke_size: f32,
+    /// From the scene in the painting's colours (0) to all strokes (1).
+    #[serde(default = "one")]
+    pub stroke_strength: f32,
     /// Whose colours it has.
     #[serde(default)]
     pub keep: ColorPreservation,
     /// Where it goes; everywhere without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<MaskSpec>,
+}
+
+/// How and where an appearance goes on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerSettings {
+    /// From what is below (0) to the paint (1).
+    pub strength: f32,
+    /// How large and how strong strokes are.
+    pub strokes: StrokeSettings,
+    /// Whose colours it has.
+    pub keep: ColorPreservation,
+    /// Where it goes; everywhere without.
+    pub mask: Option<MaskSpec>,
+}
+
+impl Default for LayerSettings {
+    fn default() -> Self {
+        Self {
+            strength: 1.0,
+            strokes: StrokeSettings::default(),
+            keep: ColorPreservation::None,
+            mask: None,
+        }
+    }
 }
 
 /// A whole painted scene: the first layer is undermost.
@@ -79,6 +113,11 @@ pub enum LayerError {
         "this model has no style stage yet: it can only be shown as photographed; train it with --styles"
     )]
     Unstyled,
+    /// StrokeSettings were to change that are none.
+    #[error(
+        "this model paints without strokes of a size of their own; stroke size and strength need one of the default preset"
+    )]
+    NoStrokes,
     /// A surface was asked for where there is none.
     #[error("there is no surface at ({}, {}, {}); choose a point on one, in scene units", .0[0], .0[1], .0[2])]
     NoSurface([f32; 3]),
@@ -103,6 +142,19 @@ impl StyleLayers {
 }
 
 impl StyleLayerSpec {
+    /// All but its paintings.
+    pub fn settings(&self) -> LayerSettings {
+        LayerSettings {
+            strength: self.strength,
+            strokes: StrokeSettings {
+                size: self.stroke_size,
+                strength: self.stroke_strength,
+            },
+            keep: self.keep,
+            mask: self.mask.clone(),
+        }
+    }
+
     fn check(&self) -> Result<(), String> {
         let count = self.paintings.len();
         if count == 0 || count > MOST {
@@ -121,6 +173,18 @@ impl StyleLayerSpec {
             return Err(format!(
                 "a strength of {} is not possible; use 0 to 1",
                 self.strength
+            ));
+        }
+        if !STROKE_SIZES.contains(&self.stroke_size) {
+            return Err(format!(
+                "a stroke size of {} is not possible; use 0.5 to 2",
+                self.stroke_size
+            ));
+        }
+        if !(0.0..=1.0).contains(&self.stroke_strength) {
+            return Err(format!(
+                "a stroke strength of {} is not possible; use 0 to 1",
+                self.stroke_strength
             ));
         }
         self.mask.as_ref().map_or(Ok(()), MaskSpec::check)
@@ -142,7 +206,7 @@ mod tests {
     fn the_documented_form_is_read_and_written() {
         let documented = r#"{"coats": [{
             "paintings": [{"painting": "a.jpg", "weight": 0.5}, {"painting": "random:42"}],
-            "strength": 0.8, "keep": "luminance",
+            "strength": 0.8, "stroke_size": 1.5, "stroke_strength": 0.5, "keep": "luminance",
             "mask": {"shape": {"sphere": {"centre": [0, 0, 0.2], "radius": 0.4}}, "inverted": true}},
             {"paintings": [{"painting": "b"}], "mask": {"shape": "near"}},
             {"paintings": [{"painting": "b"}], "mask": {"shape": {"depth": {"from": 0.2}}}}]}"#;
@@ -179,6 +243,14 @@ mod tests {
                 "weight 0",
             ),
             (format!(r#"{painting}, "strength": 1.5"#), "strength of 1.5"),
+            (
+                format!(r#"{painting}, "stroke_size": 3"#),
+                "stroke size of 3",
+            ),
+            (
+                format!(r#"{painting}, "stroke_strength": -1"#),
+                "stroke strength of -1",
+            ),
             (format!(r#"{painting}, "colour": 1"#), "unknown field"),
             (
                 format!(r#"{painting}, "mask": {{"shape": "sky"}}"#),

@@ -5,11 +5,11 @@ use crate::dice::Dice;
 use crate::sketch::{Modelling, Outline, PaintedShape, StrokeFlow};
 use glam::{Vec2, Vec3};
 
-/// Strokes across the picture.
+/// StrokeSettings across the picture.
 pub(super) const LEVEL: StrokeFlow = StrokeFlow::Along(Vec2::X);
-/// Strokes up and down.
+/// StrokeSettings up and down.
 pub(super) const UPRIGHT: StrokeFlow = StrokeFlow::Along(Vec2::Y);
-/// Strokes around a shape's middle.
+/// StrokeSettings around a shape's middle.
 pub(super) const AROUND: StrokeFlow = StrokeFlow::Around;
 /// Wandering strokes.
 pub(super) const LOOSE: StrokeFlow = StrokeFlow::Loose;
@@ -140,7 +140,7 @@ pub(crate) fn tower(foot: Vec2, base: f32, top: f32, height: f32) -> Outline {
     ])
 }
 
-/// Strokes across the picture that rise or fall.
+/// StrokeSettings across the picture that rise or fall.
 pub(super) fn sloping(slope: f32) -> StrokeFlow {
     StrokeFlow::Along(Vec2::new(1.0, slope).normalize_or(Vec2::X))
 }

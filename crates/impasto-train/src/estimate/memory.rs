@@ -1,6 +1,6 @@
 //! How much memory a run needs, and how much there is.
 
-use impasto_field::Shading;
+use impasto_field::{DistilledFeatures, Shading};
 use impasto_model::TrainConfig;
 use impasto_scene::{Photo, Scene};
 
@@ -8,8 +8,8 @@ use impasto_scene::{Photo, Scene};
 /// graphs of one step. Measured on two threads as the peak of short runs of either preset, less
 /// what is computed below; for fields without a cascade and with one.
 const REST: [u64; 2] = [440_000_000, 1_060_000_000];
-/// Numbers that the painter sees of a sample: a colour, a place and a footprint.
-const PAINTED_NUMBERS: usize = 7;
+/// Numbers that the painter sees of a sample: a colour, a place, a footprint and what is around it.
+const PAINTED_NUMBERS: usize = 7 + DistilledFeatures::LEN;
 /// Numbers of a kept sample beside what shades it: density, depth, indices.
 const SAMPLE_NUMBERS: usize = 16;
 /// Part of the photos' memory that freed pieces of other sizes take beside it.

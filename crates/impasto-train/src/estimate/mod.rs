@@ -3,7 +3,7 @@
 mod memory;
 mod rates;
 
-use crate::run::stages::{end_of_geometry_alone, end_of_stages};
+use crate::run::stages::{distillation_time, end_of_geometry_alone, end_of_stages};
 use impasto_model::{Budget, TrainConfig};
 use impasto_scene::Scene;
 use serde::Serialize;
@@ -56,8 +56,9 @@ pub fn estimate(
                 true => (end_of_geometry_alone(total), Duration::ZERO),
                 false => (geometry, end),
             };
+            let stepping = geometry.saturating_sub(distillation_time(config, total));
             Some([
-                done(geometry, rates.geometry),
+                done(stepping, rates.geometry),
                 done(end.saturating_sub(geometry), rates.style),
             ])
         }

@@ -38,7 +38,9 @@ pub fn refit(model: &Model, pictures: Vec<RgbImage>, budget: Budget) -> Option<M
         stage.step(&clock);
         clock.steps += 1;
     }
-    let TrainedGeometry { radiance, grids } = stage.snapshot();
+    let TrainedGeometry {
+        radiance, grids, ..
+    } = stage.snapshot();
     Some(Model::from_file(ModelFile {
         radiance,
         grids,

@@ -8,7 +8,8 @@ use crate::readback::ReadbackSchedule;
 use burn::tensor::{Device, Tensor};
 use impasto_field::training::{BatchSize, FieldTraining, LossWeights, TargetRays};
 use impasto_field::{
-    Appearance, Field, FieldWeights, OccupancyGrids, RadianceField, RayBatch, Renderer, host,
+    Appearance, DistilledFeatures, Field, FieldWeights, OccupancyGrids, RadianceField, RayBatch,
+    Renderer, host,
 };
 use impasto_kernels::{DensityGrid, Sparse};
 use impasto_model::config::GeometryConfig;
@@ -48,6 +49,8 @@ pub struct TrainedGeometry {
     pub radiance: RadianceField,
     /// Density grids, where samples go by those.
     pub grids: Option<OccupancyGrids>,
+    /// What is around places, once that was distilled.
+    pub features: Option<DistilledFeatures>,
 }
 
 /// What a checkpoint keeps of the stage beside its tensors.
@@ -161,6 +164,7 @@ impl GeometryStage {
         TrainedGeometry {
             radiance,
             grids: self.training.grids(),
+            features: None,
         }
     }
 

@@ -9,11 +9,11 @@ use crate::run::checkpoint::{self, Checkpoint, Position, StageProgress};
 use crate::run::log::Log;
 use crate::run::options::TrainOptions;
 use crate::run::validation;
-use crate::style::{StyleNetworks, StyleStage};
+use crate::style::{DistillationBudget, StyleNetworks, StyleStage, distil};
 use impasto_model::tensors::{Entry, TensorReader};
 use impasto_model::{
     Budget, Clock, Model, ModelFile, ModelPhoto, ModelScene, Quality, RunIdentity, Stages,
-    Stopwatch, StyleEmbedding, StyleModel, TrainingRecord,
+    Stopwatch, StyleEmbedding, StyleModel, TrainConfig, TrainingRecord,
 };
 use impasto_scene::file::write_atomic;
 use impasto_scene::{PictureFolder, Scene, Split};
@@ -31,6 +31,12 @@ const PREPARATION: f64 = 0.12;
 /// Most of a time budget that comparing held-out views may take.
 const COMPARISON: f64 = 0.05;
 
+/// Part of a time budget for distilling features, at most this long.
+const DISTILLATION: f64 = 0.08;
+const LONGEST_DISTILLATION: Duration = Duration::from_secs(15);
+/// Updates that distilling features is done after.
+const DISTILLATION_STEPS: u64 = 600;
+
 /// When the two stages of a time budget end: after the last, some of it is kept for checks.
 pub(crate) fn end_of_stages(total: Duration, geometry_share: f64) -> [Duration; 2] {
     let reserve = total.mul_f64(RESERVE).max(LEAST_RESERVE).min(total / 4);
@@ -41,6 +47,14 @@ pub(crate) fn end_of_stages(total: Duration, geometry_share: f64) -> [Duration; 
 pub(crate) fn end_of_geometry_alone(total: Duration) -> Duration {
     let [_, end] = end_of_stages(total, 1.0);
     end.saturating_sub(total.mul_f64(COMPARISON))
+}
+
+/// How long distilling features takes of a time budget.
+pub(crate) fn distillation_time(config: &TrainConfig, total: Duration) -> Duration {
+    match config.style.shading.paint() {
+        Some(_) => total.mul_f64(DISTILLATION).min(LONGEST_DISTILLATION),
+        None => Duration::ZERO,
+    }
 }
 
 /// A run at work.
@@ -215,8 +229,34 @@ impl Run<'_> {
             Stage::Geometry => geometry,
             Stage::Style => style,
         };
+        let end = match stage {
+            Stage::Geometry => end.saturating_sub(distillation_time(&self.options.config, total)),
+            Stage::Style => end,
+        };
         let left = end.saturating_sub(began);
         Budget::Time(left.max(Duration::from_millis(100)))
+    }
+
+    /// Distils what is around places, unless the model knows it.
+    fn distil(&self, file: &mut ModelFile) -> Result<(), TrainError> {
+        let known = file.features.as_ref().map(|features| &features.spec);
+        let paint = file.config.style.shading.paint();
+        if known == paint.map(|paint| &paint.distilled) {
+            return Ok(());
+        }
+        let budget = match self.options.budget {
+            Budget::Time(total) => DistillationBudget {
+                steps: DISTILLATION_STEPS,
+                time: Some(distillation_time(&self.options.config, total)),
+            },
+            Budget::Steps(steps) => DistillationBudget {
+                steps: steps.min(DISTILLATION_STEPS),
+                time: None,
+            },
+        };
+        let model = Model::from_file(file.clone());
+        file.features = distil(&model, budget, self.options.seed)?;
+        Ok(())
     }
 
     fn geometry(&mut self) -> Result<(ModelFile, u64), TrainError> {
@@ -231,7 +271,12 @@ impl Run<'_> {
         for (photo, camera) in &moved {
             training[*photo].camera = *camera;
         }
-        let TrainedGeometry { radiance, grids } = stage.snapshot();
+        let TrainedGeometry {
+            radiance,
+            grids,
+            features,
+        } = stage.snapshot();
+        drop(stage);
         let mut file = ModelFile {
             config: config.clone(),
             scene: model_scene(&self.scene),
@@ -239,10 +284,12 @@ impl Run<'_> {
             seed: options.seed,
             radiance,
             grids,
+            features,
             style: self.painter.clone(),
             encoder: None,
             finished: None,
         };
+        self.distil(&mut file)?;
         let model = Model::from_file(file.clone());
         let limit = match options.budget {
             Budget::Time(time) => time.mul_f64(COMPARISON),
@@ -360,6 +407,7 @@ impl Run<'_> {
         file.config.style = self.options.config.style.clone();
         file.config.style_app = self.options.config.style_app.clone();
         file.encoder = self.encoder.clone();
+        self.distil(file)?;
         let (vgg, vae) = (file.config.style.perceptual.load()?, file.encoder()?);
         let mut place = self.started(Stage::Style, geometry_steps);
         let whole = self.stage_budget(Stage::Style, place.began);
@@ -380,6 +428,7 @@ impl Run<'_> {
         let geometry = TrainedGeometry {
             radiance: file.radiance.clone(),
             grids: file.grids.clone(),
+            features: file.features.clone(),
         };
         let mut stage = StyleStage::new(
             &file.config,

@@ -2,6 +2,7 @@
 //! single paintings.
 
 mod chunks;
+mod distillation;
 mod encoder;
 mod objective;
 mod painter;
@@ -9,6 +10,7 @@ mod patches;
 mod refine;
 mod stage;
 
+pub use distillation::{DistillationBudget, distil};
 pub use encoder::{
     EncoderCheck, EncoderOptions, EncoderSummary, check_encoder, read_encoder, train_encoder,
 };

@@ -83,7 +83,7 @@ impl Objective<'_> {
     /// painting's colours. What content is compared with, and how far paint has to go, has nothing to
     /// do with the palette then.
     fn ground(&self, patch: &FrozenPatch, palette: Palette) -> Result<Ground, StyleError> {
-        if self.settings.shading.texture().is_none() {
+        if self.settings.shading.paint().is_none() {
             return Ok(Ground {
                 content: patch.content.clone(),
                 statistics: patch.statistics.clone(),

@@ -122,7 +122,7 @@ impl PatchPool {
         let field = Field::new(file.config.field.clone());
         let (weights, grids) = (file.radiance.weights.clone(), file.grids.clone());
         let photo = file.photo_app().clone();
-        let renderer = Renderer::open(field, weights, grids, photo.clone(), &app);
+        let renderer = Renderer::open(field, weights, grids, file.ground(), &app);
         Self {
             colors: model.photo_colors(),
             ..Self::new(settings, app, renderer, photo, photos.collect())

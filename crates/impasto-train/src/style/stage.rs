@@ -9,7 +9,7 @@ use crate::style::chunks::loss_of;
 use crate::style::objective::{Objective, StyleReport};
 use crate::style::patches::{FrozenPatch, PatchPool, PoolProgress};
 use burn::tensor::Device;
-use impasto_field::{Field, Parameters, Renderer};
+use impasto_field::{Field, Ground, Parameters, Renderer};
 use impasto_kernels::device::is_cpu;
 use impasto_model::tensors::{Entry, TensorReader};
 use impasto_model::{Clock, CodeNormalisation, StyleModel, TrainConfig};
@@ -71,9 +71,17 @@ impl StyleStage {
         device: &Device,
     ) -> Self {
         let app = config.style_appearance();
-        let TrainedGeometry { radiance, grids } = geometry;
-        let (field, photo) = (Field::new(config.field.clone()), radiance.app.clone());
-        let renderer = Renderer::open(field, radiance.weights, grids, photo, &app);
+        let TrainedGeometry {
+            radiance,
+            grids,
+            features,
+        } = geometry;
+        let ground = Ground {
+            photo: radiance.app.clone(),
+            features,
+        };
+        let field = Field::new(config.field.clone());
+        let renderer = Renderer::open(field, radiance.weights, grids, ground, &app);
         let pool = PatchPool::new(&config.style, app, renderer, radiance.app, photos);
         Self::over(config, vec![pool], networks, styles, seed, device)
     }
