@@ -143,6 +143,7 @@ fn seen(model: &Model, deadline: Option<Instant>) -> Result<Points, StyleError> 
     Ok(points)
 }
 
+/// With a shorter side of [`SIDE`] pixels, if it is longer.
 fn smaller(camera: &Camera) -> Camera {
     let k = &camera.intrinsics;
     let share = (f64::from(SIDE) / f64::from(k.width.min(k.height))).min(1.0);
@@ -150,6 +151,7 @@ fn smaller(camera: &Camera) -> Camera {
     camera.resized(width, height)
 }
 
+/// Adds what one view shows.
 fn look(
     model: &Model,
     camera: &Camera,
@@ -158,6 +160,9 @@ fn look(
 ) -> Result<(), StyleError> {
     let rays = CameraRays::new(camera, None);
     let (width, height) = rays.size();
+    if width.min(height) < LEAST_SIDE {
+        return Ok(());
+    }
     let config = model.file.config.style_appearance();
     let options = GBufferOptions {
         config: &config,
@@ -166,9 +171,6 @@ fn look(
         least_weight: 0.0,
         rays_at_once: None,
     };
-    if width.min(height) < LEAST_SIDE {
-        return Ok(());
-    }
     let buffers = model.renderer().gbuffer(&rays.all(), &options);
     let Some(photo) = &buffers.photo else {
         return Ok(());

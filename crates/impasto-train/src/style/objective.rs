@@ -53,14 +53,18 @@ impl Objective<'_> {
         let settings = self.settings;
         let pixels = self.patches.averaged(colours.clone());
         let traced = self.vgg.traced(pixels.clone());
-        let ground = self.ground(patch, palette)?;
-        let (content, likeness) =
-            losses::content_and_style(&traced, &ground.content, target, settings.style_reduction);
+        let unpainted = self.unpainted(patch, palette)?;
+        let (content, likeness) = losses::content_and_style(
+            &traced,
+            &unpainted.content,
+            target,
+            settings.style_reduction,
+        );
         let mut total = content.clone() * settings.content_weight;
         if styled {
             let style = likeness.clone() * settings.style_weight;
             let style = if settings.normalize_style_loss {
-                style * ground.style_scale(target)
+                style * unpainted.style_scale(target)
             } else {
                 style
             };
@@ -82,9 +86,9 @@ impl Objective<'_> {
     /// The patch before anything is painted: as it is, or where paint is in whitened colours in the
     /// painting's colours. What content is compared with, and how far paint has to go, has nothing to
     /// do with the palette then.
-    fn ground(&self, patch: &FrozenPatch, palette: Palette) -> Result<Ground, StyleError> {
+    fn unpainted(&self, patch: &FrozenPatch, palette: Palette) -> Result<Unpainted, StyleError> {
         if self.settings.shading.paint().is_none() {
-            return Ok(Ground {
+            return Ok(Unpainted {
                 content: patch.content.clone(),
                 statistics: patch.statistics.clone(),
             });
@@ -93,7 +97,7 @@ impl Objective<'_> {
         let pixels = patch.pixels.clone().inner().reshape([height * width, 3]);
         let recoloured = palette.recoloured(pixels).reshape([height, width, 3]);
         let [content, statistics] = self.vgg.features_of(recoloured)?.map(Tensor::from_inner);
-        Ok(Ground {
+        Ok(Unpainted {
             content,
             statistics,
         })
@@ -101,7 +105,7 @@ impl Objective<'_> {
 }
 
 /// What the perceptual network says of a patch before anything is painted, constants of an autodiff graph.
-struct Ground {
+struct Unpainted {
     content: Tensor<1>,
     statistics: Tensor<1>,
 }
@@ -112,7 +116,7 @@ const TYPICAL_DISTANCE: f32 = 0.8;
 /// Paintings nearer to the photos than this count no more than one at this distance.
 const LEAST_DISTANCE: f32 = 0.2;
 
-impl Ground {
+impl Unpainted {
     /// What the style loss of a painting is multiplied with, so that all paintings count alike: the inverse
     /// of its distance, in units of [`TYPICAL_DISTANCE`]. One number, a constant.
     fn style_scale(&self, target: &Statistics) -> Tensor<1> {
