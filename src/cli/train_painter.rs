@@ -16,8 +16,8 @@ use crate::output::{check_folder, parent, write_file};
 /// Learn a painter on several scenes, for all others
 ///
 /// A painter is what a model paints with: a hypernetwork from a painting's style code to the weights of
-/// small networks, and a texture that those read. It sees nothing that is one scene's own. A
-/// built-in one comes with every model.
+/// a small network, which says how much of the painting's own detail goes where. It sees nothing
+/// that is one scene's own. A built-in one comes with every model.
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub struct TrainPainterArgs {

@@ -55,7 +55,7 @@ pub fn cases() -> Vec<Case> {
         bad(
             "a model of another version",
             RENDER,
-            |f| patch(f, "version\\\":8", "version\\\":1"),
+            |f| patch(f, "version\\\":9", "version\\\":1"),
             &["model.safetensors", "version 1", "train it again"],
         ),
         bad(

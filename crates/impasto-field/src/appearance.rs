@@ -6,21 +6,15 @@ use crate::distilled::DistilledFeatures;
 use crate::encoding::vector;
 use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor};
-use impasto_kernels::SolidTextureSpec;
+use impasto_kernels::cpu::exemplar;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-/// Size of a solid texture's first entries: noise at all scales, from which `app` can make strokes before
-/// the texture itself has learned any.
-const FIRST_PAINT: f32 = 0.8;
-
 /// What an appearance is painted with, beside W^app.
 #[derive(Debug, Clone)]
-pub struct SolidPaint {
-    /// Sizes of the texture.
-    pub spec: SolidTextureSpec,
-    /// The solid texture.
-    pub texture: Tensor<1>,
+pub struct Brushwork {
+    /// The painting's own detail, whitened, see [`ops::exemplar`](impasto_kernels::ops::exemplar).
+    pub exemplar: Tensor<1>,
     /// Where colours come from and go to.
     pub palette: Palette,
     /// How large and how strong strokes are.
@@ -45,25 +39,29 @@ impl Default for StrokeSettings {
     }
 }
 
-impl SolidPaint {
-    /// Random entries; colours stay as they are.
-    pub fn init(spec: SolidTextureSpec, rng: &mut Pcg64, device: &Device) -> Self {
-        let entries = (0..spec.params()).map(|_| rng.random_range(-FIRST_PAINT..FIRST_PAINT));
+impl Brushwork {
+    /// Detail of random waves; colours stay as they are.
+    fn init(rng: &mut Pcg64, device: &Device) -> Self {
+        let waves: [[f32; 3]; exemplar::FEATURES] = std::array::from_fn(|_| {
+            [0.2, 0.2, std::f32::consts::TAU].map(|most| rng.random_range(0.0..most))
+        });
+        let texels = (0..exemplar::SIDE).flat_map(|y| (0..exemplar::SIDE).map(move |x| [x, y]));
+        let entries = texels.flat_map(|at| {
+            let [x, y] = at.map(|at| at as f32);
+            waves.map(|[across, down, phase]| (across * x + down * y + phase).sin())
+        });
         Self {
-            texture: vector(entries.collect(), device),
-            palette: Palette::NONE,
-            strokes: StrokeSettings::default(),
-            spec,
+            exemplar: vector(entries.collect(), device),
+            ..Self::none(device)
         }
     }
 
-    /// Zero entries, for reading.
-    pub fn zeros(spec: SolidTextureSpec, device: &Device) -> Self {
+    /// No detail; colours stay as they are.
+    pub fn none(device: &Device) -> Self {
         Self {
-            texture: Tensor::zeros([spec.params()], device),
+            exemplar: Tensor::zeros([exemplar::PARAMS], device),
             palette: Palette::NONE,
             strokes: StrokeSettings::default(),
-            spec,
         }
     }
 }
@@ -134,14 +132,14 @@ pub struct Appearance {
     /// W^app of the outer volume, flat.
     pub outer: Tensor<1>,
     /// What it is painted with, where the configuration paints.
-    pub paint: Option<SolidPaint>,
+    pub paint: Option<Brushwork>,
     /// The field's learned vector, where the configuration asks for one. The field's, no parameter
     /// of the appearance.
     pub latent: Option<Tensor<1>>,
 }
 
 impl Appearance {
-    /// Random weights; no learned vector, which belongs to the field.
+    /// Random weights and detail; no learned vector, which belongs to the field.
     pub fn init(
         config: AppearanceConfig,
         features: [usize; 2],
@@ -150,9 +148,9 @@ impl Appearance {
     ) -> Self {
         let mut app = |width| kaiming(config.network(width).layers(), rng, device);
         let [inner, outer] = [app(features[0]), app(features[1])];
-        let texture = config.shading.paint().map(|paint| paint.texture);
+        let paint = config.shading.paint();
         Self {
-            paint: texture.map(|texture| SolidPaint::init(texture, rng, device)),
+            paint: paint.map(|_| Brushwork::init(rng, device)),
             config,
             inner,
             outer,
@@ -163,11 +161,10 @@ impl Appearance {
     /// Zero weights, for reading.
     pub fn zeros(config: AppearanceConfig, features: [usize; 2], device: &Device) -> Self {
         let app = |width| Tensor::zeros([config.network(width).params()], device);
-        let texture = config.shading.paint().map(|paint| paint.texture);
         Self {
             inner: app(features[0]),
             outer: app(features[1]),
-            paint: texture.map(|texture| SolidPaint::zeros(texture, device)),
+            paint: config.shading.paint().map(|_| Brushwork::none(device)),
             latent: None,
             config,
         }
@@ -190,13 +187,13 @@ impl From<Appearance> for Ground {
     }
 }
 
-impl Parameters for SolidPaint {
+impl Parameters for Brushwork {
     fn try_map<E>(
         &self,
         f: &mut dyn FnMut(&str, &Tensor<1>) -> Result<Tensor<1>, E>,
     ) -> Result<Self, E> {
         Ok(Self {
-            texture: f("texture", &self.texture)?,
+            exemplar: f("exemplar", &self.exemplar)?,
             ..*self
         })
     }

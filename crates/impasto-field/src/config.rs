@@ -1,10 +1,9 @@
 //! Sizes of the field. Presets are values of these types; no code asks for a preset's name.
 
 use crate::network::{AppNetwork, Trunk};
+use impasto_kernels::cpu::exemplar;
 use impasto_kernels::settings::{OutOfRange, usable};
-use impasto_kernels::{
-    Activation, Density, HashGridSpec, MlpSpec, OccupancySpec, SolidTextureSpec, settings,
-};
+use impasto_kernels::{Activation, Density, HashGridSpec, MlpSpec, OccupancySpec, settings};
 use serde::{Deserialize, Serialize};
 
 /// How a position becomes network input.
@@ -227,20 +226,22 @@ pub enum Shading {
     /// Deferred: once per ray and volume, on the samples' means, which is several times cheaper, and paint
     /// keeps its contrast where a surface is a haze of several samples. `app` sees what means the same in
     /// every scene: the unstylised colour, in the painting's whitened colours, what a perceptual network
-    /// sees around the place, and a solid texture. What it gives is added to that colour, so that palettes
-    /// need not be learned.
+    /// sees around the place, and the painting's own detail laid over surfaces. It says how much of that
+    /// detail is added to that colour and what else, so that neither palettes nor strokes need be learned.
     Painted(PaintSpec),
 }
 
 /// Numbers that distilled features say of a place.
 pub const DISTILLED_FEATURES: usize = 20;
 
+/// Bands of a painting's detail, from fine to coarse, three colours each: the first numbers of an exemplar's
+/// texels. The painter says how much of each there is.
+pub const DETAIL_BANDS: usize = 3;
+
 /// Sizes of what the painter sees beside colours.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PaintSpec {
-    /// The solid texture, of which strokes are made.
-    pub texture: SolidTextureSpec,
     /// Hash grid of the scene's distilled features, by which strokes know what they are on.
     pub distilled: HashGridSpec,
 }
@@ -251,7 +252,6 @@ impl PaintSpec {
     /// # Errors
     /// The first that is out of range, with its name behind `path`.
     pub fn check(&self, path: &str) -> Result<(), OutOfRange> {
-        self.texture.check(&format!("{path}.texture"))?;
         check_hash_grid(&self.distilled, &format!("{path}.distilled"))
     }
 }
@@ -301,16 +301,16 @@ impl AppearanceConfig {
     pub fn network(&self, features: usize) -> AppNetwork {
         let view = self.app.view_bands.map_or(0, |bands| 3 * (1 + 2 * bands));
         // What the painter sees first is a colour.
-        let (features, others, last) = match self.shading {
-            Shading::Painted(paint) => {
-                let others = DISTILLED_FEATURES + paint.texture.outputs();
-                (3, others, Activation::Linear)
+        let (features, others, outputs, last) = match self.shading {
+            Shading::Painted(_) => {
+                let others = DISTILLED_FEATURES + exemplar::FEATURES;
+                (3, others, 3 + DETAIL_BANDS, Activation::Linear)
             }
-            Shading::Samples => (features, view, Activation::Sigmoid),
+            Shading::Samples => (features, view, 3, Activation::Sigmoid),
         };
         let mut widths = vec![features + others];
         widths.extend(&self.app.hidden);
-        widths.push(3);
+        widths.push(outputs);
         let linear = |inputs| MlpSpec::relu(&[inputs, features], false, Activation::Linear);
         AppNetwork {
             features,

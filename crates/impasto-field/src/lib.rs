@@ -31,14 +31,14 @@ pub mod sphere;
 pub mod training;
 mod volrend;
 
-pub use appearance::{Appearance, Ground, Palette, SolidPaint, StrokeSettings};
+pub use appearance::{Appearance, Brushwork, Ground, Palette, StrokeSettings};
 pub use backend::reference::FieldValues;
 pub use branch::{Branch, BranchWeights};
 pub use config::{
     AppConfig, AppearanceConfig, EncodingConfig, FieldConfig, HierarchicalConfig, PaintSpec,
     SamplingConfig, Shading, VolumeConfig,
 };
-pub use distilled::DistilledFeatures;
+pub use distilled::{DistilledFeatures, Surroundings};
 pub use encoding::host;
 pub use field::{Field, FieldWeights, RadianceField};
 pub use grids::{OccupancyGrids, VisibleCells};

@@ -4,12 +4,12 @@
 
 mod common;
 
-use common::{app, config, grids, hash_grid, many_rays, paint};
+use common::{app, config, grids, ground, hash_grid, many_rays, paint};
 use impasto_field::renderer::{SHADE_LEAST, pixels};
 use impasto_field::{
     Appearance, AppearanceConfig, EncodingConfig, Field, FieldWeights, GBuffer, GBufferOptions,
-    HierarchicalConfig, OccupancyGrids, RayBatch, RayBuffers, Renderer, SamplingConfig, Shading,
-    host,
+    Ground, HierarchicalConfig, OccupancyGrids, RayBatch, RayBuffers, Renderer, SamplingConfig,
+    Shading, host,
 };
 use impasto_kernels::DensityGrid;
 use impasto_kernels::device::{is_cpu, tested};
@@ -20,7 +20,7 @@ use rand_pcg::Pcg64;
 struct Subject {
     field: Field,
     weights: FieldWeights,
-    photo: Appearance,
+    ground: Ground,
     rng: Pcg64,
 }
 
@@ -28,8 +28,9 @@ impl Subject {
     fn new(field: Field) -> Self {
         let mut rng = Pcg64::seed_from_u64(9);
         let weights = field.init(&mut rng, &tested());
+        let photo = Appearance::init(app(), field.features(), &mut rng, &tested());
         Self {
-            photo: Appearance::init(app(), field.features(), &mut rng, &tested()),
+            ground: ground(photo, &mut rng),
             field,
             weights,
             rng,
@@ -52,8 +53,8 @@ impl Subject {
         let parts = || (self.field.clone(), self.weights.clone(), grids.cloned());
         let ((field, weights, one), (_, again, other)) = (parts(), parts());
         [
-            Renderer::open(field.clone(), weights, one, self.photo.clone(), style),
-            Renderer::reference(field, again, other, self.photo.clone()),
+            Renderer::open(field.clone(), weights, one, self.ground.clone(), style),
+            Renderer::reference(field, again, other, self.ground.clone()),
         ]
     }
 

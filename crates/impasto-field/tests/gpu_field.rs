@@ -13,8 +13,8 @@ use impasto_field::{
 use impasto_kernels::device::{is_cpu, tested};
 use impasto_kernels::gpu::{DensityGrids, FieldSpec, Rays, SamplesRead, Targets, descend};
 use impasto_kernels::{
-    CompositeLayout, Density, DensityGrid, HashGridSpec, MlpSpec, OccupancySpec, RaySpan,
-    SolidTextureSpec, Volume, VolumeSpec,
+    CompositeLayout, Density, DensityGrid, HashGridSpec, MlpSpec, OccupancySpec, RaySpan, Volume,
+    VolumeSpec,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -90,14 +90,6 @@ fn photo_app() -> AppearanceConfig {
 
 fn paint() -> PaintSpec {
     PaintSpec {
-        texture: SolidTextureSpec {
-            octaves: 3,
-            side: 6,
-            finest: 2.0,
-            ratio: 1.5,
-            stretch: 3.0,
-            bend: 1.2,
-        },
         distilled: DISTILLED,
     }
 }

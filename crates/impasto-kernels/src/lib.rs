@@ -27,5 +27,4 @@ pub use cpu::mlp::{Activation, LayerSpec, MlpSpec};
 pub use cpu::padded::{Border, FeatureMap, OddEnd};
 pub use cpu::perceptual::PerceptualStack;
 pub use cpu::radiance::{Density, RadianceSpec, Volume, VolumeSpec};
-pub use cpu::solid_texture::SolidTextureSpec;
 pub use sampling::OccupancySpec;

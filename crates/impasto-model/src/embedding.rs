@@ -2,8 +2,10 @@
 
 use crate::color::ColorStatistics;
 use crate::config::PictureConfig;
+use crate::exemplar::mixed_exemplars;
 use image::RgbImage;
 use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, picture, square_crop};
+use std::sync::Arc;
 
 /// A painting as models take it in.
 #[derive(Debug, Clone)]
@@ -12,6 +14,8 @@ pub struct StyleEmbedding {
     pub code: StyleCode,
     /// The painting's colours.
     pub colors: ColorStatistics,
+    /// The painting's own detail, see [`exemplar`](crate::exemplar).
+    pub exemplar: Arc<[f32]>,
 }
 
 impl StyleEmbedding {
@@ -26,7 +30,11 @@ impl StyleEmbedding {
             let sum = sum + weight;
             (colors.mixed(&e.colors, weight / sum), sum)
         });
-        Some(Self { code, colors })
+        Some(Self {
+            code,
+            colors,
+            exemplar: mixed_exemplars(all.iter().map(|(e, w)| (&*e.exemplar, *w))).into(),
+        })
     }
 }
 
@@ -89,6 +97,7 @@ pub fn square_statistics(vgg: &Perceptual, square: &RgbImage) -> Result<Statisti
 #[cfg(test)]
 mod tests {
     use super::*;
+    use impasto_kernels::cpu::exemplar::PARAMS;
 
     #[test]
     fn a_canonical_picture_has_no_palette() {
@@ -122,6 +131,7 @@ mod tests {
         let one = |number: f32| StyleEmbedding {
             code: StyleCode(vec![number; StyleCode::LEN]),
             colors: ColorStatistics::of([number; 6].chunks_exact(3)),
+            exemplar: vec![number; PARAMS].into(),
         };
         let weighed = [(one(0.0), 1.0), (one(0.4), 2.0), (one(0.8), 1.0)];
         let mix = StyleEmbedding::mix(&weighed).map(|mix| (mix.code.0[3], mix.colors));

@@ -24,7 +24,7 @@ pub const MODEL_FILE: &str = "model.safetensors";
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// One photo that a model was made from; the pixels are not kept.
 #[derive(Debug, Clone, Serialize, Deserialize)]

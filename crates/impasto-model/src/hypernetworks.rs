@@ -2,7 +2,8 @@
 
 use crate::config::TrainConfig;
 use burn::tensor::{Device, Tensor};
-use impasto_field::{Appearance, Field, Palette, Parameters, SolidPaint};
+use impasto_field::encoding::vector;
+use impasto_field::{Appearance, Brushwork, Field, Palette, Parameters, StrokeSettings};
 use impasto_style::{Hypernetwork, HypernetworkWeights, StyleCode};
 use rand_pcg::Pcg64;
 
@@ -58,6 +59,17 @@ impl CodeNormalisation {
     }
 }
 
+/// What an appearance is predicted from.
+#[derive(Debug, Clone, Copy)]
+pub struct PaintingInputs<'a> {
+    /// The style code.
+    pub code: &'a StyleCode,
+    /// The painting's own detail, see [`exemplar`](crate::exemplar).
+    pub exemplar: &'a [f32],
+    /// From the scene's colours to the painting's.
+    pub palette: Palette,
+}
+
 /// Everything that predicts a stylised appearance.
 #[derive(Debug, Clone)]
 pub struct StyleModel {
@@ -67,8 +79,6 @@ pub struct StyleModel {
     pub hyper: Vec<Hypernetwork>,
     /// Their weights, after those for the first field of a cascade, where there is one.
     pub levels: Vec<Vec<HypernetworkWeights>>,
-    /// What it paints with, where the appearance has that; colours stay as they are.
-    pub paint: Option<SolidPaint>,
 }
 
 /// The hypernetworks' sizes for a configuration.
@@ -95,13 +105,10 @@ impl StyleModel {
         let levels = (0..config.field.levels())
             .map(|_| hyper.iter().map(|h| h.init(rng, device)).collect())
             .collect();
-        let app = config.style_appearance();
-        let texture = app.shading.paint().map(|paint| paint.texture);
         Self {
             codes: CodeNormalisation::none(),
             hyper,
             levels,
-            paint: texture.map(|texture| SolidPaint::init(texture, rng, device)),
         }
     }
 
@@ -112,39 +119,38 @@ impl StyleModel {
             let layers = h.lengths().into_iter().map(|n| Tensor::zeros([n], device));
             HypernetworkWeights(layers.collect())
         };
-        let texture = config.style.shading.paint().map(|paint| paint.texture);
         Self {
             codes: CodeNormalisation::none(),
             levels: (0..config.field.levels())
                 .map(|_| hyper.iter().map(zeros).collect())
                 .collect(),
-            paint: texture.map(|texture| SolidPaint::zeros(texture, device)),
             hyper,
         }
     }
 
-    /// The appearances that belong to a style code and a painting's colours, level by level: the
-    /// field's is the last.
+    /// The appearances of a painting, level by level: the field's is the last.
     pub fn appearances(
         &self,
         config: &TrainConfig,
-        code: &StyleCode,
-        palette: Palette,
+        painting: &PaintingInputs<'_>,
         device: &Device,
     ) -> Vec<Appearance> {
-        let code = self.codes.apply(code).tensor(device);
+        let code = self.codes.apply(painting.code).tensor(device);
+        let app = config.style_appearance();
+        let paint = app.shading.paint().map(|_| Brushwork {
+            exemplar: vector(painting.exemplar.to_vec(), device),
+            palette: painting.palette,
+            strokes: StrokeSettings::default(),
+        });
         let of_level = |weights: &Vec<HypernetworkWeights>| {
             let networks = self.hyper.iter().zip(weights);
             let mut apps = networks.map(|(network, own)| network.predict(own, &code));
             let inner = apps.next()?;
             Some(Appearance {
-                config: config.style_appearance(),
+                config: app.clone(),
                 outer: apps.next().unwrap_or_else(|| inner.clone()),
                 inner,
-                paint: self
-                    .paint
-                    .clone()
-                    .map(|paint| SolidPaint { palette, ..paint }),
+                paint: paint.clone(),
                 latent: None,
             })
         };
@@ -180,7 +186,6 @@ impl Parameters for StyleModel {
             codes: self.codes.clone(),
             hyper: self.hyper.clone(),
             levels,
-            paint: self.paint.as_ref().map(|p| p.try_map(f)).transpose()?,
         })
     }
 }

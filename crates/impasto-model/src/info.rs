@@ -61,7 +61,6 @@ impl ModelFile {
         let coarse = coarse
             .flat_map(|c| [&c.inner, &c.outer])
             .flat_map(|w| [&w.base, &w.geo]);
-        let paint = self.style.as_ref().and_then(|style| style.paint.as_ref());
         let hypernetworks = self
             .style
             .iter()
@@ -83,7 +82,6 @@ impl ModelFile {
                 "first_field": count(coarse),
                 "photo_app": count([&app.inner, &app.outer]),
                 "hypernetworks": count(hypernetworks),
-                "texture": count(paint.iter().map(|paint| &paint.texture)),
                 "distilled": count(self.features.iter().flat_map(|f| [&f.encoding, &f.readout])),
             },
             "normalisation": self.scene.normalisation,

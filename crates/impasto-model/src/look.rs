@@ -16,9 +16,9 @@ use std::path::Path;
 /// Key of the JSON in the file's metadata.
 const KEY: &str = "impasto-look";
 /// Raised when a file of an earlier version can no longer be read.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
-/// Weights and texture of a painted appearance, with the colours of its painting.
+/// Weights and detail of a painted appearance, with the colours of its painting.
 #[derive(Debug, Clone)]
 pub struct SavedAppearance {
     appearance: Appearance,

@@ -5,7 +5,9 @@ use crate::camera_rays::CameraRays;
 use crate::color::ColorStatistics;
 use crate::embedding::{StyleEmbedding, painting_statistics};
 use crate::error::ModelError;
+use crate::exemplar::exemplar;
 use crate::file::ModelFile;
+use crate::hypernetworks::PaintingInputs;
 use crate::layers::SurfaceCells;
 use crate::rendered::RenderedView;
 use burn::tensor::Device;
@@ -108,6 +110,7 @@ impl Model {
         Ok(StyleEmbedding {
             code: encoder.vae.encode(&statistics),
             colors: ColorStatistics::of_picture(painting),
+            exemplar: exemplar(painting).into(),
         })
     }
 
@@ -136,7 +139,12 @@ impl Model {
         let config = &self.file.config;
         let palette = self.photo_colors().palette_of(&embedding.colors);
         let style = self.file.style.as_ref()?;
-        let levels = style.appearances(config, &embedding.code, palette, &self.renderer.device());
+        let inputs = PaintingInputs {
+            code: &embedding.code,
+            exemplar: &embedding.exemplar,
+            palette,
+        };
+        let levels = style.appearances(config, &inputs, &self.renderer.device());
         levels.into_iter().next_back()
     }
 

@@ -15,13 +15,9 @@ pub(crate) struct Rate {
 }
 
 impl Rate {
-    /// That of a parameter of looks: of a texture, or of everything else.
-    pub(crate) fn of_look(name: &str, texture: f32, other: f32) -> Self {
-        let sparse = name == "texture";
-        Self {
-            rate: if sparse { texture } else { other },
-            sparse: sparse.then_some(Sparse { decay: 0.0 }),
-        }
+    /// That of a parameter which every step touches all of.
+    pub(crate) fn dense(rate: f32) -> Self {
+        Self { rate, sparse: None }
     }
 }
 

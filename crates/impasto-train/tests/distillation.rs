@@ -5,7 +5,7 @@ mod common;
 
 use common::{run, small};
 use impasto_field::encoding::matrix;
-use impasto_field::{GBufferOptions, Shading, host};
+use impasto_field::{DistilledFeatures, GBufferOptions, Shading, host};
 use impasto_model::{Budget, CameraRays, Model, Stages};
 use impasto_scene::Split;
 use impasto_scene::builtin::{BuiltinOptions, write_capture};
@@ -55,7 +55,7 @@ fn explained(model: &Model) -> f32 {
     // Of each pixel, by where its light comes from.
     let mut found = vec![0.0; seen.len()];
     for (i, (ray, weight)) in points.rays.iter().zip(&points.weights).enumerate() {
-        let own = &known[Descriptor::LEN * i..][..Descriptor::LEN];
+        let own = &known[DistilledFeatures::NUMBERS * i..][..Descriptor::LEN];
         let pixel = found[Descriptor::LEN * ray..].iter_mut();
         pixel.zip(own).for_each(|(f, k)| *f += weight * k);
     }

@@ -45,6 +45,7 @@ impl Place {
             generated: 2,
             patch: [67, 81],
             pictures: TrainConfig::fast().style.pictures,
+            exemplars: true,
             cache: Some(&cache),
             deadline,
         };
@@ -58,10 +59,16 @@ impl Place {
     }
 }
 
+/// What is learned of every style, and some of its picture's detail.
 fn targets(styles: &StyleSet) -> Vec<Vec<f32>> {
     let vae = StyleVae::shipped().unwrap();
-    let all = 0..styles.len();
-    all.map(|i| styles.style(&vae, i, None).target.0).collect()
+    let all = (0..styles.len()).map(|i| styles.style(&vae, i, None));
+    all.map(|style| {
+        let detail: Vec<f32> = style.exemplar.iter().copied().step_by(997).collect();
+        assert!(detail.iter().any(|x| *x != 0.0));
+        [style.target.0, detail].concat()
+    })
+    .collect()
 }
 
 #[test]

@@ -2,8 +2,8 @@
 //! geometry and fills it; above it paint is shaded, any number of times.
 
 use crate::appearance::{Appearance, Ground, StrokeSettings};
-use crate::config::AppearanceConfig;
-use crate::distilled::DistilledFeatures;
+use crate::config::{AppearanceConfig, DETAIL_BANDS};
+use crate::distilled::{DistilledFeatures, Surroundings};
 use crate::encoding::{frequencies, host, matrix};
 use crate::rays::RayBatch;
 use crate::volrend::accumulate::MergedRays;
@@ -46,6 +46,8 @@ pub(crate) struct PaintedBuffer {
     colours: Tensor<2>,
     /// Distilled features, `[n, DistilledFeatures::LEN]`.
     features: Tensor<2>,
+    /// Normals in contracted space, `[n, 3]`; zeros where none are known.
+    normals: Tensor<2>,
     /// Contracted positions with their footprints, `[n, 4]`.
     places: Tensor<2>,
 }
@@ -123,13 +125,18 @@ impl MergedSurface<'_> {
     pub(crate) fn painted(&self, ground: &Ground, batch: &RayBatch, views: &[f32]) -> VolumeBuffer {
         let places = self.places(batch);
         let [count, _] = places.dims();
-        let known = ground.features.as_ref();
+        let zeros = |width| Tensor::zeros([count, width], &places.device());
+        let Surroundings { features, normals } = match &ground.features {
+            Some(known) => known.around(places.clone()),
+            None => Surroundings {
+                features: zeros(DistilledFeatures::LEN),
+                normals: zeros(3),
+            },
+        };
         VolumeBuffer::Painted(PaintedBuffer {
             colours: self.colours(&ground.photo, views),
-            features: known.map_or_else(
-                || Tensor::zeros([count, DistilledFeatures::LEN], &places.device()),
-                |known| known.at(places.clone()),
-            ),
+            features,
+            normals,
             places,
         })
     }
@@ -159,14 +166,36 @@ impl PaintedBuffer {
         Tensor::cat(vec![part(0..3), part(3..4) * strokes.size], 1)
     }
 
-    fn parts(self) -> [Tensor<2>; 3] {
-        [self.colours, self.features, self.places]
+    /// Colours: the unstylised ones as the painting's, with as much of its detail and what else W^app says.
+    fn shade(&self, look: &Appearance, app: &Tensor<1>) -> Tensor<2> {
+        let Some(paint) = &look.paint else {
+            unreachable!("an appearance of this configuration has paint");
+        };
+        let ground = paint.palette.whiten(self.colours.clone());
+        let places = self.places_for(paint.strokes);
+        let detail = ops::exemplar(places, self.normals.clone(), paint.exemplar.clone());
+        let network = look.config.network(3);
+        let inputs = vec![ground.clone(), self.features.clone(), detail.clone()];
+        let said = network.forward(inputs, network.folded(app, look.latent.as_ref()), None);
+        let mut strokes = said.clone().slice_dim(1, 0..3);
+        for band in 0..DETAIL_BANDS {
+            let share = said.clone().slice_dim(1, 3 + band..4 + band) + 1.0;
+            strokes = strokes + detail.clone().slice_dim(1, 3 * band..3 * band + 3) * share;
+        }
+        paint
+            .palette
+            .colour(ground + strokes * paint.strokes.strength)
     }
 
-    fn of([colours, features, places]: [Tensor<2>; 3]) -> Self {
+    fn parts(self) -> [Tensor<2>; 4] {
+        [self.colours, self.features, self.normals, self.places]
+    }
+
+    fn of([colours, features, normals, places]: [Tensor<2>; 4]) -> Self {
         Self {
             colours,
             features,
+            normals,
             places,
         }
     }
@@ -176,7 +205,7 @@ impl VolumeBuffer {
     fn parts(&self) -> Vec<&Tensor<2>> {
         match self {
             Self::Samples { features, views } => [features].into_iter().chain(views).collect(),
-            Self::Painted(own) => vec![&own.colours, &own.features, &own.places],
+            Self::Painted(own) => vec![&own.colours, &own.features, &own.normals, &own.places],
         }
     }
 
@@ -204,7 +233,7 @@ impl VolumeBuffer {
     /// This with those of the same configuration after it.
     fn joined(self, rest: Vec<Self>) -> Self {
         let (mut features, mut views) = (Vec::new(), Vec::new());
-        let mut painted: [Vec<Tensor<2>>; 3] = Default::default();
+        let mut painted: [Vec<Tensor<2>>; 4] = Default::default();
         let all = [self].into_iter().chain(rest);
         for part in all {
             match part {
@@ -239,37 +268,14 @@ impl VolumeBuffer {
 
     /// Colour of every sample; `app` is the volume's W^app.
     fn colours(&self, look: &Appearance, app: &Tensor<1>, known: Option<Tensor<2>>) -> Tensor<2> {
-        let (inputs, ground) = match self {
-            Self::Samples { features, views } => {
-                let inputs = [features].into_iter().chain(views).cloned();
-                (inputs.collect(), None)
-            }
-            Self::Painted(own) => {
-                let Some(paint) = &look.paint else {
-                    unreachable!("an appearance of this configuration has paint");
-                };
-                let ground = paint.palette.whiten(own.colours.clone());
-                let (places, texture) = (own.places_for(paint.strokes), paint.texture.clone());
-                let strokes = ops::solid_texture(places, texture, paint.spec);
-                (
-                    vec![ground.clone(), own.features.clone(), strokes],
-                    Some((ground, paint)),
-                )
-            }
-        };
-        let width = inputs.first().map_or(0, |rows: &Tensor<2>| rows.dims()[1]);
-        let network = look.config.network(width);
-        let weights = network.folded(app, look.latent.as_ref());
-        match ground {
-            None => network.forward(inputs, weights, known),
+        let (features, views) = match self {
+            Self::Samples { features, views } => (features, views),
             // Computed again where it is known: a few numbers a sample.
-            Some((ground, paint)) => {
-                let added = network.forward(inputs, weights, None);
-                paint
-                    .palette
-                    .colour(ground + added * paint.strokes.strength)
-            }
-        }
+            Self::Painted(own) => return own.shade(look, app),
+        };
+        let inputs = [features].into_iter().chain(views).cloned().collect();
+        let network = look.config.network(features.dims()[1]);
+        network.forward(inputs, network.folded(app, look.latent.as_ref()), known)
     }
 }
 

@@ -3,10 +3,11 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use impasto_field::{
-    AppConfig, AppearanceConfig, EncodingConfig, Field, FieldConfig, OccupancyGrids, PaintSpec,
-    RayBatch, SamplingConfig, Shading, VolumeConfig,
+    AppConfig, Appearance, AppearanceConfig, DistilledFeatures, EncodingConfig, Field, FieldConfig,
+    Ground, OccupancyGrids, PaintSpec, RayBatch, SamplingConfig, Shading, VolumeConfig,
 };
-use impasto_kernels::{Density, HashGridSpec, OccupancySpec, SolidTextureSpec};
+use impasto_kernels::{Density, HashGridSpec, OccupancySpec};
+use rand_pcg::Pcg64;
 
 pub fn config(encoding: &EncodingConfig) -> FieldConfig {
     let volume = VolumeConfig {
@@ -76,14 +77,6 @@ pub fn app() -> AppearanceConfig {
 pub fn paint() -> AppearanceConfig {
     AppearanceConfig {
         shading: Shading::Painted(PaintSpec {
-            texture: SolidTextureSpec {
-                octaves: 3,
-                side: 6,
-                finest: 2.0,
-                ratio: 1.5,
-                stretch: 3.0,
-                bend: 1.2,
-            },
             distilled: HashGridSpec {
                 levels: 2,
                 features: 2,
@@ -94,6 +87,20 @@ pub fn paint() -> AppearanceConfig {
         }),
         ..app()
     }
+}
+
+/// What is known of a place after random learning.
+pub fn ground(photo: Appearance, rng: &mut Pcg64) -> Ground {
+    let paint = paint();
+    let known = paint.shading.paint();
+    let device = photo.inner.device();
+    let features = known.map(|paint| DistilledFeatures::init(paint.distilled, rng, &device));
+    // Entries begin small.
+    let features = features.map(|known| DistilledFeatures {
+        encoding: known.encoding.clone() * 1e3,
+        ..known
+    });
+    Ground { photo, features }
 }
 
 /// Rays of several groups.

@@ -5,12 +5,12 @@ pub mod composite;
 pub mod conv_chain;
 pub mod convolution;
 pub mod density_grid;
+pub mod exemplar;
 pub mod hash_grid;
 pub mod mlp;
 pub mod passes;
 pub mod perceptual;
 pub mod radiance;
-pub mod solid_texture;
 
 pub(crate) mod padded;
 

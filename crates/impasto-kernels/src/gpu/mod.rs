@@ -7,6 +7,7 @@
 pub(crate) mod adam;
 pub(crate) mod composite;
 pub(crate) mod density_grid;
+pub(crate) mod exemplar;
 mod field;
 pub(crate) mod hash_grid;
 pub(crate) mod launch;
@@ -16,7 +17,6 @@ pub(crate) mod mlp;
 pub(crate) mod perceptual;
 pub(crate) mod plain_mlp;
 pub(crate) mod radiance;
-pub(crate) mod solid_texture;
 
 pub use field::{
     DensityGrids, Descent, FieldSamples, FieldSpec, MergedSamples, RaySamples, Rays, SamplesRead,

@@ -2,8 +2,7 @@
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
-    SolidTextureSpec, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
 };
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
@@ -30,16 +29,16 @@ impl<B: KernelGrad> Backward<B, 1> for HashEncode {
 }
 
 #[derive(Debug)]
-struct SolidTexture;
+struct Exemplar;
 
-impl<B: KernelGrad> Backward<B, 1> for SolidTexture {
+impl<B: KernelGrad> Backward<B, 1> for Exemplar {
     /// Places and sizes.
-    type State = (FloatTensor<B>, SolidTextureSpec);
+    type State = (FloatTensor<B>, FloatTensor<B>);
 
     fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let (places, spec) = ops.state;
+        let (places, normals) = ops.state;
         unary::<B, _>(ops.parents, ops.node, grads, |grad| {
-            B::solid_texture_backward(places, grad, spec)
+            B::exemplar_backward(places, normals, grad)
         });
     }
 }
@@ -143,14 +142,15 @@ impl<B: KernelOps + KernelGrad, C: CheckpointStrategy> KernelOps for Autodiff<B,
         finished::<B, C, _, 1>(HashEncode, [node], (points, spec), out)
     }
 
-    fn solid_texture(
+    fn exemplar(
         places: FloatTensor<Self>,
+        normals: FloatTensor<Self>,
         table: FloatTensor<Self>,
-        spec: SolidTextureSpec,
     ) -> FloatTensor<Self> {
-        let (places, (table, node)) = (places.into_primitive(), table.into_parts());
-        let out = B::solid_texture(places.clone(), table, spec);
-        finished::<B, C, _, 1>(SolidTexture, [node], (places, spec), out)
+        let [places, normals] = [places, normals].map(FloatTensor::<Self>::into_primitive);
+        let (table, node) = table.into_parts();
+        let out = B::exemplar(places.clone(), normals.clone(), table);
+        finished::<B, C, _, 1>(Exemplar, [node], (places, normals), out)
     }
 
     fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self> {

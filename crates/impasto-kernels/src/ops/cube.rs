@@ -3,10 +3,9 @@
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::gpu::composite::DeviceLayout;
 use crate::gpu::launch::{copied, whole};
-use crate::gpu::{adam, composite, hash_grid, mlp, perceptual, plain_mlp, radiance, solid_texture};
+use crate::gpu::{adam, composite, exemplar, hash_grid, mlp, perceptual, plain_mlp, radiance};
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
-    SolidTextureSpec, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
 };
 use burn::backend::ops::FloatTensorOps;
 use burn::backend::tensor::FloatTensor;
@@ -20,8 +19,8 @@ impl KernelOps for CubeBackend {
         hash_grid::encode(&whole(points), &whole(table), &spec)
     }
 
-    fn solid_texture(places: Primitive, table: Primitive, spec: SolidTextureSpec) -> Primitive {
-        solid_texture::read(&whole(places), &whole(table), &spec)
+    fn exemplar(places: Primitive, normals: Primitive, table: Primitive) -> Primitive {
+        exemplar::read(&whole(places), &whole(normals), &whole(table))
     }
 
     fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
@@ -70,12 +69,8 @@ impl KernelGrad for CubeBackend {
         hash_grid::spread(&whole(points), &whole(grad), &spec)
     }
 
-    fn solid_texture_backward(
-        places: Primitive,
-        grad: Primitive,
-        spec: SolidTextureSpec,
-    ) -> Primitive {
-        solid_texture::spread(&whole(places), &whole(grad), &spec)
+    fn exemplar_backward(places: Primitive, normals: Primitive, grad: Primitive) -> Primitive {
+        exemplar::spread(&whole(places), &whole(normals), &whole(grad))
     }
 
     fn mlp_backward(

@@ -2,10 +2,9 @@
 
 use super::{AdamState, KernelGrad, KernelOps, RadianceVolumes};
 use crate::cpu::perceptual::PerceptualTape;
-use crate::cpu::{adam, composite, hash_grid, mlp, radiance, solid_texture};
+use crate::cpu::{adam, composite, exemplar, hash_grid, mlp, radiance};
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
-    SolidTextureSpec, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Volume,
 };
 use burn::backend::ops::FloatTensorOps;
 use burn::backend::tensor::FloatTensor;
@@ -60,10 +59,10 @@ impl KernelOps for Flex {
         tensor(out, [points.rows(), spec.outputs()])
     }
 
-    fn solid_texture(places: Primitive, table: Primitive, spec: SolidTextureSpec) -> Primitive {
-        let [places, table] = [places, table].map(OnHost::new);
-        let out = solid_texture::forward(&spec, &places, &table);
-        tensor(out, [places.rows(), spec.outputs()])
+    fn exemplar(places: Primitive, normals: Primitive, table: Primitive) -> Primitive {
+        let [places, normals, table] = [places, normals, table].map(OnHost::new);
+        let out = exemplar::forward(&places, &normals, &table);
+        tensor(out, [places.rows(), exemplar::FEATURES])
     }
 
     fn mlp(x: Primitive, params: Primitive, spec: MlpSpec) -> Primitive {
@@ -110,14 +109,10 @@ impl KernelGrad for Flex {
         tensor(out, [spec.params()])
     }
 
-    fn solid_texture_backward(
-        places: Primitive,
-        grad: Primitive,
-        spec: SolidTextureSpec,
-    ) -> Primitive {
-        let [places, grad] = [places, grad].map(OnHost::new);
-        let out = solid_texture::backward(&spec, &places, &grad);
-        tensor(out, [spec.params()])
+    fn exemplar_backward(places: Primitive, normals: Primitive, grad: Primitive) -> Primitive {
+        let [places, normals, grad] = [places, normals, grad].map(OnHost::new);
+        let out = exemplar::backward(&places, &normals, &grad);
+        tensor(out, [exemplar::PARAMS])
     }
 
     fn mlp_backward(

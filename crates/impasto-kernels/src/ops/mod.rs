@@ -11,8 +11,7 @@ mod flex;
 pub use flex::OnHost;
 
 use crate::{
-    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec,
-    SolidTextureSpec, Sparse, Volume,
+    AdamStep, CompositeLayout, HashGridSpec, MlpSpec, PerceptualStack, RadianceSpec, Sparse, Volume,
 };
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, ExtensionType, backend_extension};
@@ -29,11 +28,11 @@ pub trait KernelOps: Backend {
         table: FloatTensor<Self>,
         spec: HashGridSpec,
     ) -> FloatTensor<Self>;
-    /// See [`solid_texture`].
-    fn solid_texture(
+    /// See [`exemplar`].
+    fn exemplar(
         places: FloatTensor<Self>,
+        normals: FloatTensor<Self>,
         table: FloatTensor<Self>,
-        spec: SolidTextureSpec,
     ) -> FloatTensor<Self>;
     /// See [`mlp`].
     fn mlp(x: FloatTensor<Self>, params: FloatTensor<Self>, spec: MlpSpec) -> FloatTensor<Self>;
@@ -77,10 +76,10 @@ pub trait KernelGrad: Backend {
         spec: HashGridSpec,
     ) -> FloatTensor<Self>;
     /// Gradient for the table.
-    fn solid_texture_backward(
+    fn exemplar_backward(
         places: FloatTensor<Self>,
+        normals: FloatTensor<Self>,
         grad: FloatTensor<Self>,
-        spec: SolidTextureSpec,
     ) -> FloatTensor<Self>;
     /// Gradients for the input (if needed) and the parameters.
     fn mlp_backward(
@@ -222,16 +221,16 @@ pub fn hash_encode(points: Tensor<2>, table: Tensor<1>, spec: HashGridSpec) -> T
     ))
 }
 
-/// A solid texture, read at places.
+/// A picture's detail laid over surfaces; differentiable in the table.
 ///
 /// # Shapes
-/// `places`: `[n, 4]`, coordinates and footprint, not differentiable; `table`: `[spec.params()]`;
-/// result: `[n, spec.outputs()]`, see [`crate::cpu::solid_texture::forward`].
-pub fn solid_texture(places: Tensor<2>, table: Tensor<1>, spec: SolidTextureSpec) -> Tensor<2> {
-    Tensor::from_dispatch(<Dispatch as KernelOps>::solid_texture(
+/// `places`: `[n, 4]`, coordinates and footprint; `normals`: `[n, 3]`; neither is differentiable; `table`:
+/// [`PARAMS`](crate::cpu::exemplar::PARAMS); result: `[n, 12]`, see [`crate::cpu::exemplar::forward`].
+pub fn exemplar(places: Tensor<2>, normals: Tensor<2>, table: Tensor<1>) -> Tensor<2> {
+    Tensor::from_dispatch(<Dispatch as KernelOps>::exemplar(
         places.into_dispatch(),
+        normals.into_dispatch(),
         table.into_dispatch(),
-        spec,
     ))
 }
 

@@ -25,22 +25,21 @@ pub mod hash_grid {
     }
 }
 
-pub mod solid_texture {
+pub mod exemplar {
     use super::*;
-    use impasto_kernels::SolidTextureSpec;
+    use impasto_kernels::cpu::exemplar::PARAMS;
 
-    pub fn forward(spec: &SolidTextureSpec, places: &[f32], table: &[f32]) -> Vec<f32> {
-        let (places, table) = (
-            tensor(places, [places.len() / 4, 4]),
-            tensor(table, [table.len()]),
-        );
-        values(ops::solid_texture(places, table, *spec))
+    pub fn forward(places: &[f32], normals: &[f32], table: &[f32]) -> Vec<f32> {
+        let rows = places.len() / 4;
+        let (places, normals) = (tensor(places, [rows, 4]), tensor(normals, [rows, 3]));
+        values(ops::exemplar(places, normals, tensor(table, [PARAMS])))
     }
 
-    pub fn backward(spec: &SolidTextureSpec, places: &[f32], grad: &[f32]) -> Vec<f32> {
-        let table = leaf(&vec![0.0; spec.params()], [spec.params()]);
-        let places = tensor(places, [places.len() / 4, 4]);
-        let out = ops::solid_texture(places, table.clone(), *spec);
+    pub fn backward(places: &[f32], normals: &[f32], grad: &[f32]) -> Vec<f32> {
+        let rows = places.len() / 4;
+        let table = leaf(&vec![0.0; PARAMS], [PARAMS]);
+        let (places, normals) = (tensor(places, [rows, 4]), tensor(normals, [rows, 3]));
+        let out = ops::exemplar(places, normals, table.clone());
         gradient(&table, &gradients(out, grad))
     }
 }

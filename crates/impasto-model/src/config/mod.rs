@@ -116,8 +116,6 @@ settings! {
         pub smoothness_weight: f32 where |v| usable(*v) => "finite, not negative",
         /// Learning rate of the hypernetworks.
         pub rate: f32 where |v| usable(*v) => "finite, not negative",
-        /// Learning rate of the solid texture.
-        pub texture_rate: f32 where |v| usable(*v) => "finite, not negative",
         /// Updates over which the rates rise to their full size. One number of a hypernetwork's hidden
         /// layer moves thousands of predicted weights: full steps while Adam's moments are young drive
         /// all colours into the sigmoid's flat ends, where no gradient brings them back.
@@ -359,9 +357,9 @@ mod tests {
                 }
             }),
             ("field.inner.base", |c| c.field.inner.base.clear()),
-            ("style.shading.painted.texture.side", |c| {
+            ("style.shading.painted.distilled", |c| {
                 if let Shading::Painted(paint) = &mut c.style.shading {
-                    paint.texture.side = 1;
+                    paint.distilled.levels = 0;
                 }
             }),
         ];

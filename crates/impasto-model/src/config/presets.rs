@@ -8,7 +8,7 @@ use impasto_field::{
     AppConfig, EncodingConfig, FieldConfig, HierarchicalConfig, PaintSpec, SamplingConfig, Shading,
     VolumeConfig,
 };
-use impasto_kernels::{Density, HashGridSpec, OccupancySpec, SolidTextureSpec};
+use impasto_kernels::{Density, HashGridSpec, OccupancySpec};
 use impasto_style::{Network, PatchStrides, StyleReduction};
 
 impl TrainConfig {
@@ -78,14 +78,6 @@ impl TrainConfig {
             },
             style: StyleConfig {
                 shading: Shading::Painted(PaintSpec {
-                    texture: SolidTextureSpec {
-                        octaves: 6,
-                        side: 24,
-                        finest: 2.0,
-                        ratio: 1.5,
-                        stretch: 3.0,
-                        bend: 1.2,
-                    },
                     // What the network sees is a few pixels wide: nothing finer to keep.
                     distilled: HashGridSpec {
                         levels: 5,
@@ -105,7 +97,6 @@ impl TrainConfig {
                 photo_weight: 0.0,
                 smoothness_weight: 0.0,
                 rate: 1e-3,
-                texture_rate: 1e-2,
                 lr_warmup_steps: 200,
                 final_rate: 0.1,
                 patch: [72, 88],

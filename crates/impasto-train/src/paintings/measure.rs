@@ -47,6 +47,8 @@ pub(crate) struct Sampling {
     pub most: usize,
     /// Height and width of the windows to measure of the first pictures, if any.
     pub window: Option<[usize; 2]>,
+    /// Whether the pictures themselves are kept.
+    pub squares: bool,
     /// When to stop: what is missing then is taken from the cache or left out.
     pub deadline: Option<Instant>,
 }
@@ -58,6 +60,8 @@ pub(crate) struct Gathered {
     pub pictures: Vec<Arc<Measured>>,
     /// Mean over windows of the first of them.
     pub windows: Vec<Arc<Measured>>,
+    /// Pictures themselves, where they were asked for.
+    pub squares: Vec<RgbImage>,
     /// Files that are no pictures, with the reason.
     pub unreadable: Vec<(PathBuf, String)>,
     /// Pictures that had to be looked at.
@@ -138,11 +142,19 @@ enum Job {
 
 /// How one picture went.
 enum Outcome {
-    Known(Arc<Measured>, Option<Arc<Measured>>),
-    Fresh(Arc<Measured>, Option<Arc<Measured>>),
+    Found(Found),
     /// Not in the cache, and there is no time to look at it.
     Missing,
     Unreadable(String),
+}
+
+/// What is known of a picture.
+struct Found {
+    whole: Arc<Measured>,
+    windows: Option<Arc<Measured>>,
+    square: Option<RgbImage>,
+    /// Whether it had to be looked at.
+    fresh: bool,
 }
 
 struct Gathering<'a> {
@@ -244,30 +256,47 @@ impl Gathering<'_> {
     ) -> Result<Outcome, StyleError> {
         let cached = |window| self.cache(job).get(&self.key(job, window));
         let (whole, windows) = (cached(None), window.map(|_| cached(window)));
-        match (&whole, &windows) {
-            (Some(whole), None) => return Ok(Outcome::Known(Arc::clone(whole), None)),
-            (Some(whole), Some(Some(mean))) => {
-                return Ok(Outcome::Known(Arc::clone(whole), Some(Arc::clone(mean))));
-            }
-            _ if late => return Ok(Outcome::Missing),
-            _ => {}
+        let fresh = whole.is_none() || windows.as_ref().is_some_and(Option::is_none);
+        let kept = self.sampling.squares;
+        if late && (fresh || kept) {
+            return Ok(Outcome::Missing);
         }
-        let square = match self.square(job) {
+        let square = match (fresh || kept).then(|| self.square(job)).transpose() {
             Ok(square) => square,
             Err(reason) => return Ok(Outcome::Unreadable(reason)),
         };
-        let colors = ColorStatistics::of(picture(&square).chunks_exact(3));
+        let (whole, windows) = match (&square, whole) {
+            (Some(square), whole) if fresh => self.look(square, whole, window)?,
+            (_, Some(whole)) => (whole, windows.flatten()),
+            (_, None) => return Ok(Outcome::Missing),
+        };
+        Ok(Outcome::Found(Found {
+            whole,
+            windows,
+            square: square.filter(|_| kept),
+            fresh,
+        }))
+    }
+
+    /// Statistics of a picture, unless `whole` are known, and of its windows.
+    fn look(
+        &self,
+        square: &RgbImage,
+        whole: Option<Arc<Measured>>,
+        window: Option<[usize; 2]>,
+    ) -> Result<(Arc<Measured>, Option<Arc<Measured>>), StyleError> {
+        let colors = ColorStatistics::of(picture(square).chunks_exact(3));
         let measured =
             |statistics: &_, structure: &_| Arc::new(Measured::new(statistics, structure, colors));
         let whole = match whole {
             Some(whole) => whole,
             None => {
-                let statistics = square_statistics(self.vgg, &square)?;
+                let statistics = square_statistics(self.vgg, square)?;
                 let pictures = &self.sampling.pictures;
                 match pictures.canonical {
                     true => measured(
                         &statistics,
-                        &structure_statistics(self.vgg, &square, pictures)?,
+                        &structure_statistics(self.vgg, square, pictures)?,
                     ),
                     false => measured(&statistics, &statistics),
                 }
@@ -275,30 +304,17 @@ impl Gathering<'_> {
         };
         let windows = match window {
             Some(size) => {
-                let statistics = window_statistics(self.vgg, &square, size)?;
+                let statistics = window_statistics(self.vgg, square, size)?;
                 Some(measured(&statistics, &statistics))
             }
             None => None,
         };
-        Ok(Outcome::Fresh(whole, windows))
+        Ok((whole, windows))
     }
 
     fn take(&mut self, job: Job, window: Option<[usize; 2]>, outcome: Outcome) {
-        let (whole, mean) = match outcome {
-            Outcome::Known(whole, mean) => (whole, mean),
-            Outcome::Fresh(whole, mean) => {
-                self.found.fresh += 1;
-                let keys = [self.key(job, None), self.key(job, window)];
-                let cache = match job {
-                    Job::Crop { .. } => &mut self.folder,
-                    Job::Generated(_) => &mut self.made,
-                };
-                cache.insert(keys[0], &whole);
-                if let Some(mean) = &mean {
-                    cache.insert(keys[1], mean);
-                }
-                (whole, mean)
-            }
+        let found = match outcome {
+            Outcome::Found(found) => found,
             Outcome::Missing => return,
             Outcome::Unreadable(reason) => {
                 if let Job::Crop { file, .. } = job
@@ -310,8 +326,21 @@ impl Gathering<'_> {
                 return;
             }
         };
-        self.found.pictures.push(whole);
-        self.found.windows.extend(mean);
+        if found.fresh {
+            self.found.fresh += 1;
+            let keys = [self.key(job, None), self.key(job, window)];
+            let cache = match job {
+                Job::Crop { .. } => &mut self.folder,
+                Job::Generated(_) => &mut self.made,
+            };
+            cache.insert(keys[0], &found.whole);
+            if let Some(mean) = &found.windows {
+                cache.insert(keys[1], mean);
+            }
+        }
+        self.found.pictures.push(found.whole);
+        self.found.windows.extend(found.windows);
+        self.found.squares.extend(found.square);
     }
 
     /// The picture of a job, or why there is none.

@@ -7,7 +7,10 @@ use crate::paintings::measure::{Measurer, Sampling, parts, warn_of_unreadable};
 use crate::paintings::windows::window_statistics;
 use image::RgbImage;
 use impasto_model::config::PictureConfig;
-use impasto_model::{CodeNormalisation, ColorStatistics, square_statistics, structure_statistics};
+use impasto_model::{
+    CodeNormalisation, ColorStatistics, exemplar, mixed_exemplars, square_statistics,
+    structure_statistics,
+};
 use impasto_scene::{PictureFile, PictureFolder};
 use impasto_style::{Perceptual, Statistics, StyleCode, StyleError, StyleVae, square_crop};
 use rayon::prelude::*;
@@ -24,6 +27,8 @@ pub const FIRST_GENERATED: u64 = 10_000;
 /// Most styles of a run, at 4 kB each: all 81,330 paintings of WikiArt and as many crops and
 /// generated pictures as there is room for. Of a larger folder, a part as good as random is used.
 pub const MOST_STYLES: usize = 131_072;
+/// Most styles whose pictures are held as well, at 200 kB each, because their detail is painted with.
+pub const MOST_EXEMPLARS: usize = 4096;
 
 /// A painting as training sees it.
 #[derive(Debug, Clone)]
@@ -35,6 +40,8 @@ pub struct Style {
     pub colors: ColorStatistics,
     /// The code.
     pub code: StyleCode,
+    /// Its detail; nothing where none is painted with.
+    pub exemplar: Vec<f32>,
 }
 
 /// What a folder of paintings turned into.
@@ -79,6 +86,8 @@ pub struct StyleSources<'a> {
     pub patch: [usize; 2],
     /// What paintings are measured on.
     pub pictures: PictureConfig,
+    /// Whether the pictures' own detail is painted with.
+    pub exemplars: bool,
     /// Folder where statistics are kept for later runs, see [`crate::cache_folder`].
     pub cache: Option<&'a Path>,
     /// When to stop measuring. At least 128 pictures are measured, whole paintings first; those
@@ -90,6 +99,8 @@ pub struct StyleSources<'a> {
 #[derive(Debug, Clone)]
 pub struct StyleSet {
     kept: Vec<Arc<Measured>>,
+    /// Their pictures, where their detail is painted with.
+    squares: Vec<RgbImage>,
     /// Factor from whole pictures to windows, per statistic.
     shrinkage: Vec<f32>,
     /// Files that are no pictures, with the reason.
@@ -114,7 +125,11 @@ impl StyleSet {
             pictures: sources.pictures,
             first_generated: FIRST_GENERATED,
             generated: sources.generated,
-            most: MOST_STYLES,
+            most: match sources.exemplars {
+                true => MOST_EXEMPLARS,
+                false => MOST_STYLES,
+            },
+            squares: sources.exemplars,
             window: sources.pictures.windowed.then_some(sources.patch),
             deadline: sources.deadline,
         };
@@ -132,6 +147,7 @@ impl StyleSet {
         Ok(Self {
             shrinkage: shrinkage(&gathered.pictures, &gathered.windows),
             kept: gathered.pictures,
+            squares: gathered.squares,
             unreadable,
             fresh: gathered.fresh,
         })
@@ -147,9 +163,10 @@ impl StyleSet {
         patch: [usize; 2],
         settings: &PictureConfig,
     ) -> Result<Self, StyleError> {
-        let (mut kept, mut windows) = (Vec::new(), Vec::new());
+        let (mut kept, mut windows, mut squares) = (Vec::new(), Vec::new(), Vec::new());
         for image in pictures {
             let square = square_crop(image, 1.0, (0.5, 0.5), settings.side);
+            squares.push(square.clone());
             let colors = ColorStatistics::of_picture(image);
             let measured = |s: &_, structure: &_| Arc::new(Measured::new(s, structure, colors));
             let structure = structure_statistics(vgg, &square, settings)?;
@@ -162,6 +179,7 @@ impl StyleSet {
         Ok(Self {
             shrinkage: shrinkage(&kept, &windows),
             kept,
+            squares,
             unreadable: Vec::new(),
             fresh: pictures.len(),
         })
@@ -194,7 +212,13 @@ impl StyleSet {
         let one = &self.kept[index];
         let (mut statistics, mut colors) = (one.statistics(), one.colors);
         let mut structure = one.structure();
+        let detail = |index: usize| self.squares.get(index).map(exemplar).unwrap_or_default();
+        let mut own = detail(index);
         if let Some((other, share)) = other {
+            if !own.is_empty() {
+                let both = [(&*own, 1.0 - share), (&*detail(other), share)];
+                own = mixed_exemplars(both.into_iter());
+            }
             let other = &self.kept[other];
             statistics = statistics.mixed(&other.statistics(), share);
             structure = structure.mixed(&other.structure(), share);
@@ -204,6 +228,7 @@ impl StyleSet {
         Style {
             target: Statistics(shrunk.collect()),
             code: vae.encode(&structure),
+            exemplar: own,
             colors,
         }
     }

@@ -418,6 +418,7 @@ impl Run<'_> {
             .map(|style| StyleEmbedding {
                 code: style.code,
                 colors: style.colors,
+                exemplar: style.exemplar.into(),
             })
             .collect();
         // Where the geometry stage has found them to be.
@@ -469,6 +470,7 @@ impl Run<'_> {
             generated: folder.map_or(GENERATED_ALONE, |_| file.config.style.generated),
             patch: file.config.style.patch,
             pictures: file.config.style.pictures,
+            exemplars: file.config.style.shading.paint().is_some(),
             cache: self.options.cache.as_deref(),
             deadline: match budget {
                 Budget::Time(time) => Some(Instant::now() + time.mul_f64(PREPARATION)),

@@ -62,7 +62,8 @@ mod tests {
     use super::*;
     use burn::tensor::Device;
     use impasto_field::{
-        EncodingConfig, Field, GBufferOptions, OccupancyGrids, RayBatch, Renderer, host,
+        DistilledFeatures, EncodingConfig, Field, GBufferOptions, Ground, OccupancyGrids, RayBatch,
+        Renderer, host,
     };
     use impasto_model::TrainConfig;
     use rand::SeedableRng;
@@ -109,7 +110,13 @@ mod tests {
         );
         let photo = config.photo_appearance();
         let photo = Appearance::init(photo, field.features(), &mut rng, &device);
-        let renderer = Renderer::reference(field, weights, Some(grids), photo);
+        let spec = config.style.shading.paint().expect("the preset paints");
+        let features = DistilledFeatures::init(spec.distilled, &mut rng, &device);
+        let ground = Ground {
+            photo,
+            features: Some(features),
+        };
+        let renderer = Renderer::reference(field, weights, Some(grids), ground);
         let parts = |turn| {
             let options = GBufferOptions {
                 config: &look.config,

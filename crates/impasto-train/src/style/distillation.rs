@@ -1,9 +1,11 @@
-//! What VGG-16 sees in renders of a scene, distilled into a field: [`DistilledFeatures`].
+//! What VGG-16 sees in renders of a scene and which way its surfaces face, distilled into a field:
+//! [`DistilledFeatures`].
 
 use crate::optimizer::{Adam, Rate};
 use burn::tensor::{Device, Tensor};
+use glam::Vec3;
 use impasto_field::encoding::matrix;
-use impasto_field::{DistilledFeatures, GBufferOptions, Parameters, host};
+use impasto_field::{DistilledFeatures, GBufferOptions, Parameters, SurfacePoints, host};
 use impasto_kernels::Sparse;
 use impasto_model::{CameraRays, Model};
 use impasto_scene::{Camera, Split};
@@ -43,7 +45,8 @@ pub struct DistillationBudget {
 #[derive(Default)]
 struct Points {
     places: Vec<f32>,
-    descriptors: Vec<f32>,
+    /// What is learned of each: descriptor and normal.
+    wanted: Vec<f32>,
     weights: Vec<f32>,
 }
 
@@ -100,17 +103,16 @@ fn descend(
     let mut batch = Points::default();
     for _ in 0..BATCH {
         let at = rng.random_range(0..points.weights.len());
-        let width = Descriptor::LEN;
+        let width = DistilledFeatures::NUMBERS;
         batch.places.extend(&points.places[3 * at..][..3]);
-        batch
-            .descriptors
-            .extend(&points.descriptors[width * at..][..width]);
+        batch.wanted.extend(&points.wanted[width * at..][..width]);
         batch.weights.push(points.weights[at]);
     }
     let tracked = device.clone().autodiff();
     let rows = |numbers, width| matrix(numbers, width, &tracked);
     let leaves = adam.leaves();
-    let off = leaves.at(rows(batch.places, 3)) - rows(batch.descriptors, Descriptor::LEN);
+    let wanted = rows(batch.wanted, DistilledFeatures::NUMBERS);
+    let off = leaves.at(rows(batch.places, 3)) - wanted;
     let loss: Tensor<1> = (off.square() * rows(batch.weights, 1)).mean();
     let mut gradients = loss.backward();
     let named = leaves.named().into_iter();
@@ -180,19 +182,109 @@ fn look(
     // The golden ratio: no rows or columns are left out.
     let share = PIXELS as f32 / (width * height) as f32;
     let kept = |pixel: usize| (pixel as f64 * 0.618_033_988_75).fract() < f64::from(share);
+    let found: Vec<_> = buffers
+        .fine()
+        .iter()
+        .map(|part| (part.rays(), part.surface_points()))
+        .collect();
+    let normals = normals(&surface(&found, width * height), width);
     let mut first = 0;
-    for part in buffers.fine() {
-        let found = part.surface_points();
+    for (rays, found) in &found {
         for (i, (ray, weight)) in found.rays.iter().zip(&found.weights).enumerate() {
             let pixel = first + ray;
             if *weight >= LEAST_WEIGHT && kept(pixel) {
                 let own = &descriptors[pixel * Descriptor::LEN..][..Descriptor::LEN];
                 points.places.extend(&found.places[3 * i..][..3]);
-                points.descriptors.extend(own);
+                points.wanted.extend(own);
+                points.wanted.extend(normals[pixel]);
                 points.weights.push(*weight);
             }
         }
-        first += part.rays();
+        first += rays;
     }
     Ok(())
+}
+
+/// Of each pixel the place that most of its light comes from, in contracted space.
+fn surface(parts: &[(usize, SurfacePoints)], pixels: usize) -> Vec<[f32; 3]> {
+    let mut places = vec![[0.0; 3]; pixels];
+    let mut most = vec![0.0; pixels];
+    let mut first = 0;
+    for (rays, found) in parts {
+        let (all, _) = found.places.as_chunks::<3>();
+        for ((place, ray), weight) in all.iter().zip(&found.rays).zip(&found.weights) {
+            let pixel = first + ray;
+            if *weight > most[pixel] {
+                (places[pixel], most[pixel]) = (*place, *weight);
+            }
+        }
+        first += rays;
+    }
+    places
+}
+
+/// Pixels between the places that a slope is taken over: depth is rough.
+const SLOPE: usize = 2;
+
+/// Which way surfaces face, towards the camera or away from it as rows and columns have it, the same in all
+/// views: from the shorter of the differences to either side, since the longer may lead over an edge. Zeros
+/// where there is no slope.
+fn normals(places: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
+    let height = places.len() / width;
+    let place = |x: usize, y: usize| Vec3::from_array(places[y * width + x]);
+    let shorter = |here: Vec3, before: Vec3, after: Vec3| {
+        let (back, on) = (here - before, after - here);
+        match back.length_squared() < on.length_squared() {
+            true => back,
+            false => on,
+        }
+    };
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let normal = pixels.map(|(x, y)| {
+        let inside = |at: usize, length: usize| at.clamp(SLOPE, length - 1 - SLOPE);
+        let (x, y) = (inside(x, width), inside(y, height));
+        let here = place(x, y);
+        let across = shorter(here, place(x - SLOPE, y), place(x + SLOPE, y));
+        let down = shorter(here, place(x, y - SLOPE), place(x, y + SLOPE));
+        across.cross(down).normalize_or_zero().to_array()
+    });
+    normal.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two walls, one before the other, each turned its own way.
+    #[test]
+    fn normals_hold_up_to_edges() {
+        const WIDTH: usize = 24;
+        let wall = |slope: [f32; 2], depth: f32, x: f32, y: f32| {
+            [x, y, depth + slope[0] * x + slope[1] * y]
+        };
+        let pixels = (0..16 * WIDTH).map(|i| (i % WIDTH, i / WIDTH));
+        let place = |(x, y): (usize, usize)| {
+            let at = (x as f32 * 0.01, y as f32 * 0.01);
+            match x < 10 {
+                true => wall([0.5, 0.0], 1.0, at.0, at.1),
+                false => wall([0.0, -0.3], 2.0, at.0, at.1),
+            }
+        };
+        let places: Vec<_> = pixels.clone().map(place).collect();
+        let found = normals(&places, WIDTH);
+        for ((x, y), normal) in pixels.zip(found) {
+            let wanted = match x < 10 {
+                true => Vec3::new(-0.5, 0.0, 1.0),
+                false => Vec3::new(0.0, 0.3, 1.0),
+            };
+            let off = Vec3::from_array(normal) - wanted.normalize_or_zero();
+            assert!(off.length() < 1e-3, "{x}, {y}: {normal:?}");
+        }
+    }
+
+    #[test]
+    fn one_place_has_no_normal() {
+        let found = normals(&[[0.1, 0.2, 0.3]; 64], 8);
+        assert!(found.iter().all(|normal| *normal == [0.0; 3]));
+    }
 }

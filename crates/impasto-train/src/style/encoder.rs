@@ -198,6 +198,7 @@ fn wholes(side: u32) -> Sampling {
         generated: 0,
         most: MOST,
         window: None,
+        squares: false,
         deadline: None,
     }
 }

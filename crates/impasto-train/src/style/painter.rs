@@ -1,5 +1,4 @@
-//! Pre-training of the painter: hypernetwork and solid texture, learned on several scenes at once, so that
-//! they belong to none.
+//! Pre-training of the painter: a hypernetwork learned on several scenes at once, so that it belongs to none.
 
 use crate::TrainError;
 use crate::event::{Event, Stage};
@@ -155,6 +154,7 @@ fn prepared(
         generated: settings.generated,
         patch: settings.patch,
         pictures: settings.pictures,
+        exemplars: settings.shading.paint().is_some(),
         cache: options.cache.as_deref(),
         deadline: None,
     };

@@ -8,6 +8,7 @@ use crate::style::objective::Objective;
 use crate::style::patches::PatchPool;
 use image::RgbImage;
 use impasto_field::{Appearance, Palette, Parameters, host};
+use impasto_kernels::Sparse;
 use impasto_model::config::{ContentTarget, StyleConfig};
 use impasto_model::{Budget, Clock, Model, StyleEmbedding, StyledAppearance, square_statistics};
 use impasto_scene::Split;
@@ -16,10 +17,10 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
 /// Brings appearances closer to their paintings than hypernetworks do that have to know all of them: from
-/// the weights W^app that these predict and from everybody's texture, both go on learning for one
+/// the weights W^app that these predict and from the painting's own detail, both go on learning for one
 /// painting alone, by the style stage's losses on patches of the training views and of views between
-/// them. A texture of its own is what a painting's own strokes need: `app` can only choose among those
-/// that are there.
+/// them. Strokes can take shapes then that suit the scene: `app` alone can only choose among those that
+/// are there.
 ///
 /// Not part of the paper, whose appearances are predicted only: what this gains is the price of painting
 /// any picture at once, and it costs seconds for each.
@@ -33,8 +34,8 @@ pub struct Refinement<'a> {
 
 /// Learning rate of W^app: several times the hypernetworks', since few updates remain.
 const APP_RATE: f32 = 4e-3;
-/// Learning rate of the solid texture.
-const TEXTURE_RATE: f32 = 2e-2;
+/// Learning rate of the painting's detail.
+const DETAIL_RATE: f32 = 2e-2;
 /// Updates over which the rate rises: Adam's first steps are as long as any.
 const WARM_UP: f32 = 20.0;
 
@@ -110,7 +111,7 @@ impl<'a> Refinement<'a> {
         Ok(mean)
     }
 
-    /// The appearance after gradient descent on its weights and on its texture.
+    /// The appearance after gradient descent on its weights and on its detail.
     fn descended(
         &mut self,
         first: &Appearance,
@@ -148,8 +149,12 @@ impl<'a> Refinement<'a> {
             let fade = self.settings.final_rate.powf(clock.progress() as f32);
             let warm = ((clock.steps + 1) as f32 / WARM_UP).min(1.0);
             let now = fade * warm;
-            params.step(found, |name| {
-                Rate::of_look(name, TEXTURE_RATE * now, APP_RATE * now)
+            params.step(found, |name| match name {
+                "exemplar" => Rate {
+                    rate: DETAIL_RATE * now,
+                    sparse: Some(Sparse { decay: 0.0 }),
+                },
+                _ => Rate::dense(APP_RATE * now),
             });
             clock.steps += 1;
             if readback.due() {

@@ -12,7 +12,7 @@ use burn::tensor::Device;
 use impasto_field::{Field, Ground, Parameters, Renderer};
 use impasto_kernels::device::is_cpu;
 use impasto_model::tensors::{Entry, TensorReader};
-use impasto_model::{Clock, CodeNormalisation, StyleModel, TrainConfig};
+use impasto_model::{Clock, CodeNormalisation, PaintingInputs, StyleModel, TrainConfig};
 use impasto_style::{Perceptual, StyleError, StyleVae};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -189,7 +189,12 @@ impl StyleStage {
         let model = self.params.leaves();
         let tracked = self.device.clone().autodiff();
         let palette = self.patches[scene].colors().palette_of(&style.colors);
-        let appearances = model.appearances(&self.config, &style.code, palette, &tracked);
+        let inputs = PaintingInputs {
+            code: &style.code,
+            exemplar: &style.exemplar,
+            palette,
+        };
+        let appearances = model.appearances(&self.config, &inputs, &tracked);
         self.updates += 1;
         let read = self.readback.due() || is_cpu(&self.device);
         let mut report = StyleReport {
@@ -228,17 +233,15 @@ impl StyleStage {
         }
         // Adam works in place only on what nobody else holds.
         drop((model, appearances));
-        let (hyper, texture) = self.rates(clock);
-        self.params
-            .step(gradients, |name| Rate::of_look(name, texture, hyper));
+        let rate = Rate::dense(self.rate(clock));
+        self.params.step(gradients, |_| rate);
         Ok(report)
     }
 
-    /// Learning rates of the hypernetworks and of the texture for the current update.
-    fn rates(&self, clock: &Clock) -> (f32, f32) {
+    /// The learning rate for the current update.
+    fn rate(&self, clock: &Clock) -> f32 {
         let settings = &self.config.style;
         let warm = (self.updates as f32 / settings.lr_warmup_steps.max(1) as f32).min(1.0);
-        let fade = settings.final_rate.powf(clock.progress() as f32) * warm;
-        (settings.rate * fade, settings.texture_rate * fade)
+        settings.rate * settings.final_rate.powf(clock.progress() as f32) * warm
     }
 }
