@@ -32,7 +32,7 @@ impl<B: KernelGrad> Backward<B, 1> for HashEncode {
 struct Exemplar;
 
 impl<B: KernelGrad> Backward<B, 1> for Exemplar {
-    /// Places and sizes.
+    /// Places and normals.
     type State = (FloatTensor<B>, FloatTensor<B>);
 
     fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
